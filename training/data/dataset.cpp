@@ -168,6 +168,30 @@ void findMasks(const fs::path& folder, const std::string& images, MaskMeaning me
   }
 }
 
+// Photographs of which every pixel is hidden show nothing: a film with masks of something that comes late has them.
+void leaveOutHidden(const fs::path& place, bool only_test, DatasetIndex& index, std::vector<std::string>& notes) {
+  std::vector<std::uint8_t> hidden(index.entries.size(), 0);
+  parallelFor(hidden.size(), 1, [&](std::size_t i) {
+    const fs::path& mask = index.entries[i].mask;
+    hidden[i] = !mask.empty() && hidesAll(mask);
+  });
+  const auto first = std::ranges::find(hidden, 1);
+  if (first == hidden.end()) return;
+  const std::string name = index.entries[static_cast<std::size_t>(first - hidden.begin())].image.filename().string();
+  std::vector<DatasetIndex::Entry> shown;
+  for (std::size_t i = 0; i < hidden.size(); ++i) {
+    if (hidden[i] == 0) shown.push_back(std::move(index.entries[i]));
+  }
+  index.entries = std::move(shown);
+  if (index.entries.empty() || (!only_test && index.entries.front().camera.test)) {
+    throw Error(ErrorKind::badData, place.string(),
+                std::string("masks hide every pixel of the ") + (only_test ? "test" : "training") +
+                    " photographs (0 hides)");
+  }
+  notes.push_back(std::to_string(hidden.size() - index.entries.size()) + " of " + std::to_string(hidden.size()) +
+                  " photographs are left out: their masks hide every pixel (the first: " + name + ")");
+}
+
 PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std::vector<std::string>& notes) {
   if (options.points) {
     PointCloud points = readPointCloudPly(*options.points);
@@ -382,6 +406,11 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     images += "_" + std::to_string(downscale);
     downscale = 1;
   }
+  if (index.outside_split > 0) {
+    dataset.notes.push_back(std::to_string(index.outside_split) + " of " +
+                            std::to_string(index.entries.size() + index.outside_split) +
+                            " frames are left out: neither train_filenames nor the list that is held out names them");
+  }
   const std::size_t listed = index.entries.size();
   const auto missing = std::find_if(index.entries.begin(), index.entries.end(),
                                     [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });
@@ -427,6 +456,9 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
   }
   findMasks(folder, images, options.masks, index, dataset.notes);
+  if (options.masks == MaskMeaning::hidden) {
+    leaveOutHidden(place, options.only_test.value_or(false), index, dataset.notes);
+  }
   loadPhotographs(index, downscale, options, dataset);
   return dataset;
 }

@@ -109,7 +109,8 @@ struct DatasetIndex {
   PointCloud points;
   std::string points_file;  // where they are from; empty: the data set names none
   bool points_missing = false;
-  bool has_split = false;  // Camera::test is set
+  bool has_split = false;         // Camera::test is set
+  std::size_t outside_split = 0;  // frames that are not entries, as no list of the data set's names them
   std::optional<glm::vec3> background;
 };
 // Of transforms.json, three numbers from 0 to 1; ours alone (docs/training.md).

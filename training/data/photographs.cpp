@@ -39,6 +39,14 @@ std::pair<int, int> footprint(int box, int downscale, int mask_side, int side) {
   return {static_cast<int>(first), static_cast<int>(std::min<std::int64_t>(last, mask_side))};
 }
 
+// Whether a mask's pixel lets that of the photograph count.
+bool counts(const Image& mask, int x, int y) {
+  for (int c = 0; c < std::min(mask.channels, 3); ++c) {
+    if (mask.at(x, y, c) > 0) return true;
+  }
+  return false;
+}
+
 // Zero is masked, as COLMAP and nerfstudio have it: a mask of 0 and 1 works as well as one of 0 and 255.
 std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width, int height, int downscale) {
   const Image image = readImage(file);
@@ -47,13 +55,6 @@ std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width,
                 "mask and image differ in size (expected " + sizeText(width, height) + " or an enlargement, found " +
                     sizeText(image.width, image.height) + ")");
   }
-  const int colors = std::min(image.channels, 3);
-  const auto counts = [&](int x, int y) {
-    for (int c = 0; c < colors; ++c) {
-      if (image.at(x, y, c) > 0) return true;
-    }
-    return false;
-  };
   const int columns = width / downscale;
   const int rows = height / downscale;
   std::vector<std::uint8_t> mask(static_cast<std::size_t>(columns) * rows, 255);
@@ -63,7 +64,7 @@ std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width,
       const auto [left, right] = footprint(x, downscale, image.width, width);
       bool all = true;
       for (int v = top; all && v < bottom; ++v) {
-        for (int u = left; all && u < right; ++u) all = counts(u, v);
+        for (int u = left; all && u < right; ++u) all = counts(image, u, v);
       }
       if (!all) mask[static_cast<std::size_t>(y) * columns + x] = 0;
     }
@@ -108,6 +109,16 @@ Image ViewPixels::image() const {
   Image result(width, height, 3);
   for (std::size_t i = 0; i < rgb.size(); ++i) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
   return result;
+}
+
+bool hidesAll(const std::filesystem::path& mask) {
+  const Image image = readImage(mask);
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      if (counts(image, x, y)) return false;
+    }
+  }
+  return true;
 }
 
 Photograph decodePhotograph(const PhotographSource& source) {

@@ -55,6 +55,9 @@ struct PhotographSource {
 // one box of the filter, and what Undistortion throws. A mask may be larger than the image.
 Photograph decodePhotograph(const PhotographSource& source);
 
+// Whether a mask's file is 0 everywhere. Throws Error(cannotRead / badData).
+bool hidesAll(const std::filesystem::path& mask);
+
 // The pixels over a colour. Opaque ones are returned as they are, without a copy.
 std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Photograph>& photograph,
                                                 const glm::vec3& background);

@@ -166,27 +166,29 @@ std::string belowImages(const std::string& file_path, const fs::path& image) {
   return (path.lexically_relative("images").parent_path() / image.filename()).string();
 }
 
-// nerfstudio's optional lists of file paths: what `test_filenames` or, without it, `val_filenames` lists is held out.
-std::optional<std::set<std::string>> testFiles(const JsonNode& top, const fs::path& folder) {
-  for (const char* key : {"test_filenames", "val_filenames"}) {
-    const auto list = top.value.find(key);
-    if (list == top.value.end()) continue;
-    if (!list->is_array()) top.fail(std::string("'") + key + "' is not an array");
-    std::set<std::string> files;
-    for (const nlohmann::json& file : *list) {
-      if (!file.is_string()) top.fail(std::string("'") + key + "' holds something that is not a string");
-      files.insert(fs::path(portable(folder, file.get<std::string>())).lexically_normal().string());
-    }
-    if (!files.empty()) return files;
+std::string normal(const std::string& file) { return fs::path(file).lexically_normal().string(); }
+
+// One of nerfstudio's optional lists of file paths; empty where it is not there.
+std::set<std::string> fileList(const JsonNode& top, const fs::path& folder, const char* key) {
+  std::set<std::string> files;
+  const auto list = top.value.find(key);
+  if (list == top.value.end()) return files;
+  if (!list->is_array()) top.fail(std::string("'") + key + "' is not an array");
+  for (const nlohmann::json& file : *list) {
+    if (!file.is_string()) top.fail(std::string("'") + key + "' holds something that is not a string");
+    files.insert(normal(portable(folder, file.get<std::string>())));
   }
-  return std::nullopt;
+  return files;
 }
 
 void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetIndex& index) {
   const auto frames = top.value.find("frames");
   if (frames == top.value.end() || !frames->is_array()) top.fail("expected an array 'frames'");
-  const std::optional<std::set<std::string>> test_files = testFiles(top, folder);
-  index.has_split |= test_files.has_value();
+  const std::set<std::string> train_files = fileList(top, folder, "train_filenames");
+  const std::set<std::string> val_files = fileList(top, folder, "val_filenames");
+  std::set<std::string> test_files = fileList(top, folder, "test_filenames");
+  if (test_files.empty()) test_files = val_files;
+  index.has_split |= !test_files.empty();
   for (std::size_t i = 0; i < frames->size(); ++i) {
     const JsonNode frame{(*frames)[i], top.path, "frame " + std::to_string(i)};
     if (!frame.value.is_object()) frame.fail("expected an object");
@@ -197,10 +199,15 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
     DatasetIndex::Entry entry;
     entry.lens = readLens(top, frame);
     const std::string file = portable(folder, file_path->get<std::string>());
+    const bool held_out = test_files.contains(normal(file));
+    if (!train_files.empty() && !held_out && !train_files.contains(normal(file))) {
+      ++index.outside_split;
+      continue;
+    }
     entry.image = imagePath(folder, file);
     entry.below_images = belowImages(file, entry.image);
     entry.camera.name = entry.image.filename().string();
-    entry.camera.test = test || (test_files && test_files->contains(fs::path(file).lexically_normal().string()));
+    entry.camera.test = test || held_out;
     if (const auto mask = frame.value.find("mask_path"); mask != frame.value.end() && !mask->is_null()) {
       if (!mask->is_string() || mask->get<std::string>().empty()) frame.fail("'mask_path' is not a path");
       entry.mask = folder / portable(folder, mask->get<std::string>());
@@ -208,6 +215,9 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
     setIntrinsics(top, frame, entry);
     setPose(frame, entry.camera);
     index.entries.push_back(std::move(entry));
+  }
+  if (index.entries.empty() && index.outside_split > 0) {
+    top.fail("train_filenames names none of the " + std::to_string(index.outside_split) + " frames");
   }
 }
 

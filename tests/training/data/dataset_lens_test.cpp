@@ -165,6 +165,35 @@ TEST_CASE("masks go through the lens with their photographs", "[dataset]") {
     CHECK_FALSE(counts(1, pixels->height / 2));
     CHECK(counts(pixels->width - 2, pixels->height / 2));
   }
+}
+
+TEST_CASE("photographs of which a mask hides every pixel are left out", "[dataset]") {
+  tg::TemporaryFolder folder;
+  Json frames = Json::array();
+  for (const char* name : {"a", "b", "c"}) {
+    const std::string image = std::string("images/") + name + ".png";
+    writePicture(folder / image, 16, 12);
+    frames.push_back(frame(image));
+  }
+  writeText(folder / "transforms.json", pinhole(frames).dump());
+  fs::create_directories(folder / "masks");
+  tg::writeImage(folder / "masks/b.png", tg::Image(16, 12, 1));
+  const tg::Dataset dataset = loadDataset(folder.path);
+  REQUIRE(dataset.views.size() == 2);
+  CHECK(dataset.views[0].name == "c.png");
+  CHECK(dataset.views[1].name == "a.png");
+  CHECK(dataset.views[1].test);
+  CHECK_THAT(dataset.notes.back(),
+             Contains("1 of 3 photographs are left out: their masks hide every pixel (the first: b.png)"));
+  DatasetOptions object;
+  object.masks = tg::MaskMeaning::background;
+  CHECK(loadDataset(folder.path, object).views.size() == 3);
+
   tg::writeImage(folder / "masks/a.png", tg::Image(16, 12, 1));
-  CHECK_THAT(refusal(folder.path), Contains("masks/a.png: the mask hides every pixel"));
+  CHECK(loadDataset(folder.path).views.size() == 1);
+  DatasetOptions test;
+  test.only_test = true;
+  CHECK_THAT(refusal(folder.path, test), Contains("masks hide every pixel of the test photographs"));
+  tg::writeImage(folder / "masks/c.png", tg::Image(16, 12, 1));
+  CHECK_THAT(refusal(folder.path), Contains("masks hide every pixel of the training photographs"));
 }

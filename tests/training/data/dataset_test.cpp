@@ -510,6 +510,38 @@ TEST_CASE("nerfstudio's points are in the frame of its poses: applied_transform 
   CHECK_THAT(refusal(folder.path), Contains("'test_filenames' is not an array"));
 }
 
+TEST_CASE("nerfstudio's lists say what is trained, what is held out and what is neither", "[dataset]") {
+  tg::TemporaryFolder folder;
+  Json frames = Json::array();
+  for (const char* name : {"a", "b", "c", "d"}) {
+    const std::string image = std::string("images/") + name + ".png";
+    writePicture(folder / image, 16, 12);
+    frames.push_back(frame(image));
+  }
+  Json json = pinhole(frames);
+  json["train_filenames"] = {"./images/b.png", "images/c.png"};
+  json["val_filenames"] = {"images/d.png"};
+  const auto views = [&] {
+    writeText(folder / "transforms.json", json.dump());
+    std::string names;
+    for (const tg::Camera& view : loadDataset(folder.path).views) names += (view.test ? "test " : "") + view.name + " ";
+    return names;
+  };
+  CHECK(views() == "b.png c.png test d.png ");
+  CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("1 of 4 frames are left out"));
+  json["test_filenames"] = {"images/a.png"};
+  CHECK(views() == "b.png c.png test a.png ");
+  json.erase("val_filenames");
+  json.erase("test_filenames");
+  CHECK(views() == "c.png test b.png ");  // every 8th of what is listed
+  json["train_filenames"] = {"images/e.png"};
+  writeText(folder / "transforms.json", json.dump());
+  CHECK_THAT(refusal(folder.path), Contains("train_filenames names none of the 4 frames"));
+  json["train_filenames"] = 3;
+  writeText(folder / "transforms.json", json.dump());
+  CHECK_THAT(refusal(folder.path), Contains("'train_filenames' is not an array"));
+}
+
 TEST_CASE("the layout that is asked for is the one that is read", "[dataset]") {
   tg::TemporaryFolder folder;
   writePicture(folder / "a.png", 16, 12);
