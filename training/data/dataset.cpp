@@ -184,9 +184,9 @@ void leaveOutHidden(const fs::path& place, bool only_test, DatasetIndex& index, 
   }
   index.entries = std::move(shown);
   if (index.entries.empty() || (!only_test && index.entries.front().camera.test)) {
-    throw Error(ErrorKind::badData, place.string(),
-                std::string("masks hide every pixel of the ") + (only_test ? "test" : "training") +
-                    " photographs (0 hides)");
+    throw Error(
+        ErrorKind::badData, place.string(),
+        std::string("masks hide every pixel of the ") + (only_test ? "test" : "training") + " photographs (0 hides)");
   }
   notes.push_back(std::to_string(hidden.size() - index.entries.size()) + " of " + std::to_string(hidden.size()) +
                   " photographs are left out: their masks hide every pixel (the first: " + name + ")");
