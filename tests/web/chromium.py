@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drives a headless Chromium through its debugging pipe, with nothing but Python; and compares its pictures."""
 import base64
+import contextlib
 import json
 import math
 import os
@@ -164,6 +165,13 @@ class Chromium:
     def watch_stalls(self):
         """Of pages that are opened from now on: window.stalls, [ms] of what held them up once they had a context."""
         self.page("Page.addScriptToEvaluateOnNewDocument", source=WATCH)
+
+    @contextlib.contextmanager
+    def before_pages(self, script):
+        """Pages that are opened meanwhile run the script first."""
+        added = self.page("Page.addScriptToEvaluateOnNewDocument", source=script)["identifier"]
+        yield
+        self.page("Page.removeScriptToEvaluateOnNewDocument", identifier=added)
 
     def longest_stall(self, use):
         """[ms] that a page was held up while `use()` opens it, the least of three tries that are more than STALL, as what

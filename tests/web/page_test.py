@@ -11,6 +11,7 @@ import io
 import json
 import os
 import pathlib
+import socket
 import subprocess
 import sys
 import tarfile
@@ -25,6 +26,22 @@ TARGET = 44    # [px] of what a finger is to hit
 SHIFT = 8
 DRIP = 64     # bytes
 failures = []
+# Takes a page's device away while its model is uploaded, and gives it back as long after as window.back says [ms].
+LOSE = """{ const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function(...given) {
+  const gl = getContext.apply(this, given);
+  const createTexture = gl.createTexture;
+  if (this.id === 'picture' && !window.giveBack) gl.createTexture = function() {
+    gl.createTexture = createTexture;
+    const device = gl.getExtension('WEBGL_lose_context');
+    window.giveBack = () => device.restoreContext();
+    device.loseContext();
+    const back = new URLSearchParams(location.search).get('back');
+    if (back) setTimeout(giveBack, Number(back));
+    return createTexture.call(gl);
+  };
+  return gl;
+}; }"""
 
 
 def expect(what, ok, found=""):
@@ -37,7 +54,8 @@ class SlowServer:
     """Serves a file, half of it at once and the rest when `go` is set. Until then it drips, as networks do: a browser
     may keep what came last until more comes."""
 
-    def __init__(self, data):
+    def __init__(self, data, torn=False):
+        """torn: the connection ends instead of the rest."""
         self.go = threading.Event()
         outer = self
 
@@ -54,7 +72,12 @@ class SlowServer:
                         break
                     self.wfile.write(data[at:at + DRIP])
                     at += DRIP
-                self.wfile.write(data[at:])
+                if torn:
+                    self.wfile.flush()
+                    time.sleep(1)  # what is under way comes
+                    self.connection.shutdown(socket.SHUT_RDWR)
+                else:
+                    self.wfile.write(data[at:])
 
             def log_message(self, *_):
                 pass
@@ -174,6 +197,31 @@ def on_a_phone(browser, page):
     browser.fingers(0)
 
 
+def device_lost(browser, page, size):
+    """The page without its device: while it loads, afterwards, and for long."""
+    whole = f"{page}?size={size}"
+    browser.open(whole)
+    shown = from_data_url(browser.evaluate("tgViewer.picture()"))
+    told = "document.getElementById('message')"
+    browser.evaluate("tgViewer.device.loseContext(), 0")
+    browser.evaluate("new Promise((done) => setTimeout(done, 300))")
+    browser.evaluate("tgViewer.device.restoreContext(), 0")
+    expect("a device that is lost and comes back has its picture again",
+           until(browser, "tgViewer.splats && !tgViewer.renderer.gl.isContextLost()"))
+    same = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture()")), shown)
+    expect("the same one", same.largest == 0, same)
+    with browser.before_pages(LOSE):
+        found = browser.open(f"{whole}&back=300")
+        expect("so does one that is lost while the model is uploaded", found.get("gaussians", 0) > 0, found)
+        same = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture()")), shown)
+        expect("with the same picture", same.largest == 0, same)
+        expect("and without a word", browser.evaluate(f"{told}.hidden"), browser.evaluate(f"{told}.textContent"))
+        browser.page("Page.navigate", url=f"{whole}&lost")
+        expect("one that stays away is spoken of", until(browser, f"{told} && {told}.textContent.includes('taken')"))
+        browser.evaluate("giveBack(), 0")
+        expect("and the page goes on when it comes", until(browser, "window.__done && __done.gaussians > 0", 60))
+
+
 def main():
     programs = pathlib.Path(sys.argv[1]).resolve()
     model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
@@ -190,6 +238,7 @@ def main():
             expect(f"once there is a context nothing stalls the page for more than {STALL} ms", longest <= STALL, longest)
         at_a_desk(browser, page)
         on_a_phone(browser, page)
+        device_lost(browser, page, "160x160")
 
         # Bookmarks of tgview are views.
         with tarfile.open(model) as archive:
@@ -228,6 +277,17 @@ def main():
         slow.go.set()
         expect("and it shows its model when all is there", until(browser, "window.__done && __done.gaussians > 0", 60))
         expect("no word on the console", not browser.log, browser.log[:3])
+
+        cut = (folder / "page.html").read_bytes()
+        (folder / "cut.html").write_bytes(cut[:len(cut) // 2])
+        found = browser.open((folder / "cut.html").as_uri())
+        expect("a page that is cut off says so", "not come as a whole" in found.get("error", ""), found)
+        torn = SlowServer(cut, torn=True)
+        torn.go.set()
+        browser.page("Page.navigate", url=torn.address)
+        told = "(document.getElementById('message') || {}).textContent"
+        expect("where the connection breaks it says that nothing comes", until(browser, f"`${{{told}}}`.includes('gone')", 30),
+               browser.evaluate(told))
     return 1 if failures else 0
 
 

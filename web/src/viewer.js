@@ -10,7 +10,10 @@ import {formatView, parseView} from './view_text.js';
 const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full again
 const PATIENCE_MILLISECONDS = 5;  // between two looks whether the device is done
 const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
+const LOST_MILLISECONDS = 5000;  // until a device that the browser took away and has not given back is spoken of
 const MAX_FIXED_SIDE = 8192;
+
+const LOST = 'The browser has taken the graphics device away. If the picture does not come back, reload the page.';
 
 export class Viewer {
   // Throws without WebGL 2.
@@ -30,12 +33,19 @@ export class Viewer {
     this.flight = null;       // a path that is played
     this.waiting = [];        // called when the picture is what was asked for
     this.openings = 0;
+    this.uploads = 0;         // under way: where the device is lost meanwhile they begin again
+    this.missing = [];        // called once there is a device again
     this.taking = null;       // resolves when a larger budget has its room
     this.lost = null;         // resolves once the context is, that release() has given back
     this.onChange = () => {};
     this.onError = (error) => console.error(error);
-    canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
+    canvas.addEventListener('webglcontextlost', (event) => {
+      event.preventDefault();
+      if (this.lost || !this.renderer) return;  // it was given back
+      this.lostTimer = setTimeout(() => this.onError(new Error(LOST)), LOST_MILLISECONDS);
+    });
     canvas.addEventListener('webglcontextrestored', () => {
+      clearTimeout(this.lostTimer);
       if (!this.lost) this.restore().catch((error) => this.onError(error));
     });
   }
@@ -71,15 +81,15 @@ export class Viewer {
   // The view stays unless `orbit` has one. False where another model was asked for meanwhile.
   async take(model, orbit) {
     const opening = ++this.openings;
-    let first = () => {};
-    const ordered = new Promise((resolve) => { first = resolve; });
-    const next = await Splats.create(this.renderer, model, {onChange: () => first(), onError: (e) => this.onError(e)});
-    if (this.orbit && this.splats) {
-      next.sort(this.camera);
-      await ordered;
+    let next = null;
+    ++this.uploads;
+    try {
+      while (!next && opening === this.openings) next = await this.upload(model);
+    } finally {
+      --this.uploads;
     }
     if (opening !== this.openings) {
-      next.dispose();
+      if (next) next.dispose();
       return false;
     }
     next.onChange = () => this.changed();
@@ -89,6 +99,28 @@ export class Viewer {
     const {camera, distance} = orbit.camera || !this.orbit ? orbit : this.orbit;
     this.orbit = Object.assign(orbit, {camera, distance});
     return true;
+  }
+
+  // On the device, and in order where another model is seen meanwhile. Null where the device was lost: there is another
+  // one then.
+  async upload(model) {
+    const {renderer} = this;
+    const held = () => renderer === this.renderer && !renderer.gl.isContextLost();
+    let first = () => {}, next = null;
+    const ordered = new Promise((resolve) => { first = resolve; });
+    try {
+      next = await Splats.create(renderer, model, {onChange: () => first(), onError: (e) => this.onError(e)});
+      if (this.orbit && this.splats) {
+        next.sort(this.camera);
+        await ordered;
+      }
+      if (held()) return next;
+    } catch (error) {
+      if (held()) throw error;
+    }
+    if (next) next.dispose();
+    if (this.renderer && renderer.gl.isContextLost()) await new Promise((resolve) => this.missing.push(resolve));
+    return null;
   }
 
   // To a camera of the model, or -1: everything in view.
@@ -348,7 +380,12 @@ export class Viewer {
     this.openContext();
     if (this.splats) this.splats.dispose();
     this.splats = null;
-    if (this.model && await this.take(this.model, this.orbit)) this.changed();
+    this.goOn();
+    if (this.uploads === 0 && this.model && await this.take(this.model, this.orbit)) this.changed();
+  }
+
+  goOn() {
+    for (const resolve of this.missing.splice(0)) resolve();
   }
 
   // Gives the context back, of which a browser has few, until resume(). Returns a canvas with what was seen.
@@ -384,9 +421,11 @@ export class Viewer {
     ++this.openings;
     this.flight = null;
     clearTimeout(this.restTimer);
+    clearTimeout(this.lostTimer);
     if (this.splats) this.splats.dispose();
-    this.splats = this.model = null;
     this.renderer.dispose();
+    this.splats = this.model = this.renderer = null;
     this.device.loseContext();
+    this.goOn();
   }
 }

@@ -3,6 +3,7 @@
 // asks for.
 
 const WATCH = 100;                         // [ms] between two looks at what has come of the page
+const STALLED = 10000;                     // [ms] without more of it that are spoken of
 const PIECE = 1 << 19;                     // characters of base64 at a time
 const SHARES = {come: 0.6, unpacked: 0.7, read: 0.85};  // of the bar, when that is done
 
@@ -15,15 +16,31 @@ function showLoading(share) {
   bar.hidden = share >= 1;
 }
 
-// While the model, `total` characters, comes.
+// While the model, `total` characters, comes. Browsers do not say that a connection broke.
 function watchLoading(total) {
+  let before = -1, since = 0;
   watching = setInterval(() => {
+    if (document.readyState !== 'loading') {  // and startViewer(), at the end of the page, was not called
+      fail(new Error('This page has not come as a whole: reload it.'));
+      return;
+    }
     let come = 0;
     for (const node of document.querySelectorAll('script.model')) {
       for (const part of node.childNodes) come += part.length;
     }
+    if (come !== before) [before, since] = [come, performance.now()];
+    if (performance.now() - since > STALLED) {
+      showMessage('Nothing more of this page comes: wait, or reload it where the connection is gone.');
+    }
     showLoading(SHARES.come * Math.min(come / Math.max(Number(total), 1), 1));
   }, WATCH);
+}
+
+function fail(error) {
+  clearInterval(watching);
+  showLoading(1);
+  showMessage(error.message);
+  window.__done = {error: error.message};
 }
 
 // The model in the page: base64 of a gzip stream, in elements that are dropped as they are read.
@@ -110,7 +127,7 @@ async function startViewer() {
   clearInterval(watching);
   try {
     if (typeof DecompressionStream === 'undefined') throw new Error('This browser is too old: no DecompressionStream.');
-    const viewer = new Viewer(element('picture'));
+    const viewer = openViewer();
     showLoading(SHARES.come);
     const streamed = streamedAddress();
     const splatBudget = Number(new URLSearchParams(location.search).get('splat-budget')) || undefined;
@@ -129,8 +146,6 @@ async function startViewer() {
     showLoading(1);
     window.__done = {gaussians: (model.lod || model).count};
   } catch (error) {
-    showLoading(1);
-    showMessage(error.message);
-    window.__done = {error: error.message};
+    fail(error);
   }
 }

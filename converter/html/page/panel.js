@@ -16,6 +16,13 @@ function showMessage(text, isNote = false) {
   box.hidden = text === '';
 }
 
+// Throws without WebGL 2.
+function openViewer() {
+  const viewer = new Viewer(element('picture'));
+  viewer.onError = (error) => showMessage(error.message);
+  return viewer;
+}
+
 // Buttons of which one is pressed. choices: [[value, title]]. A button that stays is the same one: a finger or the
 // keyboard may be on it while a newer model comes.
 function fillChoices(id, choices, choose) {
@@ -55,7 +62,6 @@ class Panel {
     };
     addEventListener('keydown', (event) => this.key(event));
     viewer.onChange = () => this.update();
-    viewer.onError = (error) => showMessage(error.message);
     this.open(innerWidth > SMALL[0] && innerHeight > SMALL[1]);
   }
 

@@ -106,7 +106,7 @@ class RunPanel {
 // The model that is looked at.
 class ModelView {
   constructor() {
-    this.viewer = new Viewer(element('picture'));
+    this.viewer = openViewer();
     this.panel = new Panel(this.viewer, '');
     this.panel.open(false);
     this.number = 0;
