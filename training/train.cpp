@@ -85,9 +85,10 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
 }
 
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md): SH degree
-// 1, and no textures where neither a flag nor the start model speaks of them. A start model keeps its SH degree, one
-// with textures its Gaussians and their texels. Returns what to say of it.
-std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start,
+// 1, and no textures where neither a flag nor the start model speaks of them; where one does, textures that Gaussians
+// share, if these can be trained (`shares`). A start model keeps its SH degree, one with textures its Gaussians and
+// their texels. Returns what to say of it.
+std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start, bool shares,
                      TrainSettings& settings) {
   const auto given = [&](const auto& named) { return tg::given(options, settings, named); };
   const auto is = [](std::initializer_list<std::string_view> names) {
@@ -110,13 +111,16 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
     }
   }
   const bool textured = settings.texture_mode != TextureMode::none;
+  const double part = partOfSog(options.output);
+  if (textured && shares && !textured_start && !shared_out && !given(is({"texture-dictionary", "texture-sizes"}))) {
+    settings.texture_dictionary = planSharedTextures(options.target_bytes, part);
+  }
   const bool dictionary = textured && settings.texture_dictionary > 0;
   if (dictionary && !textured_start && !sized) settings.texture_size = kPlannedTextureSize;
-  const SizePlan plan = dictionary
-                            ? planForDictionary(options.target_bytes, partOfSog(options.output), settings.sh_degree,
-                                                settings.texture_dictionary, std::max(settings.texture_size, 1))
-                            : planForSize(options.target_bytes, partOfSog(options.output), training_pixels,
-                                          settings.sh_degree, settings.texture_mode);
+  const SizePlan plan =
+      dictionary ? planForDictionary(options.target_bytes, part, settings.sh_degree, settings.texture_dictionary,
+                                     std::max(settings.texture_size, 1))
+                 : planForSize(options.target_bytes, part, training_pixels, settings.sh_degree, settings.texture_mode);
   const bool planned = !textured_start && !counted, cut = textured && !textured_start && !shared_out && !dictionary;
   if (planned) settings.gaussians = plan.gaussians;
   if (cut) {
@@ -248,7 +252,7 @@ std::optional<Bundle> checkTraining(const TrainFlags& options) {
   datasetOptions(options.data);
   std::optional<Bundle> start = startModel(options);
   const GaussianModel* model = start ? &start->model : nullptr;
-  if (options.target_bytes > 0) planSize(options, 0, model, settings);
+  if (options.target_bytes > 0) planSize(options, 0, model, false, settings);
   planQuantizing(options, model, settings);
   return start;
 }
@@ -330,7 +334,8 @@ int train(const TrainFlags& options, Processes* together) {
   } else {
     load();
   }
-  if (!renderer) renderer = makeCpuDifferentiableRenderer();
+  const bool shares = !renderer;  // one process on the CPU
+  if (shares) renderer = makeCpuDifferentiableRenderer();
   const std::optional<GaussianModel> context = contextOf(options, dataset);
   if (context) renderer = withContext(std::move(renderer), *context);
   if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
@@ -351,7 +356,7 @@ int train(const TrainFlags& options, Processes* together) {
   TrainSettings settings = settingsOf(options);
   if (options.target_bytes > 0) {
     const std::string said =
-        planSize(options, trainingPixels(dataset), start_model ? &*start_model : nullptr, settings);
+        planSize(options, trainingPixels(dataset), start_model ? &*start_model : nullptr, shares, settings);
     if (!options.quiet) std::printf("%s\n", said.c_str());
   }
   planQuantizing(options, start_model ? &*start_model : nullptr, settings);

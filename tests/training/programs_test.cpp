@@ -173,6 +173,11 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   CHECK_THAT(named.output, Contains("planned for 20000 bytes: SH degree 3") && !Contains("quantized"));
   CHECK_THAT(tgtrain(folder, quick + "a.sog --densification mcmc").output, Contains("SH degree 1, 222 Gaussians\n"));
   CHECK_THAT(tgtrain(folder, train + "a.sog --gaussians 100").output, Contains("texels each\n"));
+  const std::string large = "scene --overwrite --iterations 20 --texture-iterations 4 --target-size 60KB -o a.sog ";
+  CHECK_THAT(tgtrain(folder, large + "--texture-mode rgba").output,
+             Contains(" Gaussians, 64 textures that they share\n"));
+  CHECK_THAT(tgtrain(folder, large + "--adaptive-texels 4").output, !Contains("share"));
+  CHECK_THAT(tgtrain(folder, large + "--texture-mode none").output, !Contains("share"));
   const Outcome twin = tgtrain(folder, train + "a.sog --untextured-output plain.tgz");
   CHECK_THAT(twin.output, Contains(" texels each\n"));
   CHECK(fs::exists(folder / "plain.tgz"));

@@ -18,8 +18,9 @@ constexpr double kFileBytes = 3000;                                         // n
 constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
 constexpr double kTexelBytes = 1.25;
 constexpr double kSharedTexelBytes = 1.7;  // of 8 x 8
-constexpr double kMostTexels = 8;        // a Gaussian
-constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
+constexpr double kSharedPart = 0.2;        // of a file, that shared textures may take
+constexpr double kMostTexels = 8;          // a Gaussian
+constexpr double kPixelsPerTexel = 100;    // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes
 
 // For Gaussians of `each` bytes. Throws Error(usage).
@@ -40,6 +41,14 @@ double bytesOfGaussian(int sh_degree) {
 }
 
 }  // namespace
+
+int planSharedTextures(std::uint64_t bytes, double part) {
+  for (const int textures : {256, 64}) {
+    const double each = kSharedTexelBytes * kPlannedTextureSize * kPlannedTextureSize;
+    if (textures * each <= kSharedPart * static_cast<double>(bytes) / part) return textures;
+  }
+  return 0;
+}
 
 SizePlan planForDictionary(std::uint64_t bytes, double part, int sh_degree, int textures, int side) {
   TG_ASSERT(textures > 0 && side > 0, "textures to share");

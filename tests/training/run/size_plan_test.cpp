@@ -29,6 +29,17 @@ TEST_CASE("a plan has texels where the training views have pixels for them, and 
   CHECK(planForSize(100'000, 1, 1'000'000'000, 1, TextureMode::none).texels == 0);
 }
 
+TEST_CASE("a plan has shared textures where they take a fifth of the file at most", "[size plan]") {
+  CHECK(tg::planSharedTextures(30'000, 1) == 0);
+  CHECK(tg::planSharedTextures(60'000, 1) == 64);
+  CHECK(tg::planSharedTextures(60'000, 2) == 0);
+  CHECK(tg::planSharedTextures(200'000, 1) == 256);
+  const tg::SizePlan shared = tg::planForDictionary(200'000, 1, 1, 256, tg::kPlannedTextureSize);
+  const tg::SizePlan plain = planForSize(200'000, 1, 1'000'000, 1, TextureMode::none);
+  CHECK(shared.gaussians < plain.gaussians);
+  CHECK(shared.gaussians > plain.gaussians * 3 / 4);
+}
+
 TEST_CASE("a size without room for anything is refused with the least", "[size plan]") {
   CHECK_THROWS_WITH(planForSize(1000, 1, 1, 3, TextureMode::rgba),
                     "--target-size is out of reach (expected at least 5180 bytes, found 1000)");
