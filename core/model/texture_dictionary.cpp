@@ -182,10 +182,8 @@ class KMeans {
   std::vector<float> columns_;  // [length, entries], times the roots
 };
 
-}  // namespace
-
-std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas) {
-  const std::size_t n = atlas.rects.size();
+// textureGroups() of the first n Gaussians.
+std::vector<std::uint32_t> groupsOf(const TextureAtlas& atlas, std::size_t n) {
   const auto texelsOf = [&](const TextureRect& rect) {
     return std::span(atlas.texels).subspan(rect.offset, rect.texelCount());
   };
@@ -229,6 +227,10 @@ std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas) {
   return groups;
 }
 
+}  // namespace
+
+std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas) { return groupsOf(atlas, atlas.rects.size()); }
+
 std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups) {
   std::vector<std::uint32_t> first;
   for (std::uint32_t i = 0; i < groups.size(); ++i) {
@@ -241,6 +243,26 @@ bool areShared(std::span<const std::uint32_t> groups) {
   if (groups.empty()) return false;
   const std::size_t different = firstOfGroups(groups).size();
   return different <= kMostSharedTextures && 2 * different <= groups.size();
+}
+
+std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
+  constexpr std::size_t kEnough = 2 * kMostSharedTextures;  // Gaussians that may have too many by themselves
+  if (atlas.rects.size() > kEnough) {
+    if (firstOfGroups(groupsOf(atlas, kEnough)).size() > kMostSharedTextures) return std::nullopt;
+  }
+  const std::vector<std::uint32_t> groups = textureGroups(atlas);
+  if (!areShared(groups)) return std::nullopt;
+  TextureAtlas once;
+  std::vector<TextureRect> rects;  // of the groups
+  for (const std::uint32_t first : firstOfGroups(groups)) {
+    TextureRect rect = atlas.rects[first];
+    const auto texels = atlas.texels.begin() + rect.offset;
+    rect.offset = static_cast<std::uint32_t>(once.texels.size());
+    once.texels.insert(once.texels.end(), texels, texels + rect.texelCount());
+    rects.push_back(rect);
+  }
+  for (const std::uint32_t group : groups) once.rects.push_back(rects[group]);
+  return once;
 }
 
 void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed) {

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,6 +22,10 @@ std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups);
 // Whether at least two Gaussians share a texture, in the mean, and not more textures are different than
 // kMostSharedTextures: what files hold once.
 bool areShared(std::span<const std::uint32_t> groups);
+
+// For what only reads: the textures of areShared() once, where the rectangles of all that share one lie. Nothing where
+// Gaussians have their own.
+std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas);
 
 // Leaves at most `entries` (1 to kMostSharedTextures) different textures, by k-means over those that there are: squared
 // distances weighted with each texel's share in a texture's mean (core/model/atlas.h) and with [N] `weights` >= 0 of

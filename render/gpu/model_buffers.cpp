@@ -8,7 +8,10 @@
 #include <cmath>
 #include <cstring>
 #include <glm/gtc/packing.hpp>
+#include <optional>
+#include <vector>
 
+#include "core/model/texture_dictionary.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/layout.h"
@@ -54,10 +57,38 @@ std::uint64_t cellCount(const TextureRect& rect) {
   return rect.texelCount() == 0 ? 0 : std::uint64_t{cellsAlong(rect.width)} * cellsAlong(rect.height);
 }
 
-// Writes the cells of all textures in their order, one at a time.
+struct CellPlan {
+  std::vector<std::uint32_t> place;  // [N] the first cell of every Gaussian's texture; 0: it has none
+  std::vector<std::uint32_t> rects;  // those that have cells of their own, in the cells' order
+  std::uint64_t cells = 1;           // may be more than places can name
+};
+
+// shared: rectangles of the same offset have the same cells.
+CellPlan planCells(const TextureAtlas& atlas, bool shared) {
+  CellPlan plan;
+  std::vector<std::uint32_t> known(shared ? atlas.texels.size() : 0);  // places, by offset
+  for (std::uint32_t i = 0; i < atlas.rects.size(); ++i) {
+    const TextureRect& rect = atlas.rects[i];
+    std::uint32_t place = 0;
+    if (rect.texelCount() > 0) {
+      if (shared) place = known[rect.offset];
+      if (place == 0) {
+        place = static_cast<std::uint32_t>(plan.cells);
+        plan.rects.push_back(i);
+        plan.cells += cellCount(rect);
+        if (shared) known[rect.offset] = place;
+      }
+    }
+    plan.place.push_back(place);
+  }
+  return plan;
+}
+
+// Writes the cells of textures in the plan's order, one at a time.
 class CellWriter {
  public:
-  CellWriter(const TextureAtlas& atlas, ModelPrecision precision) : atlas_(atlas), precision_(precision) {}
+  CellWriter(const TextureAtlas& atlas, const CellPlan& plan, ModelPrecision precision)
+      : atlas_(atlas), plan_(plan), precision_(precision) {}
 
   // Of a Gaussian with a texture: 2^(exponent + kTexelExponentMin) holds its colours.
   std::uint32_t exponent(const TextureRect& rect) const {
@@ -99,10 +130,8 @@ class CellWriter {
  private:
   void nextTexture() {
     first_ += cells_;
-    do {
-      rect_ = atlas_.rects[next_++];
-      cells_ = cellCount(rect_);
-    } while (cells_ == 0);
+    rect_ = atlas_.rects[plan_.rects[next_++]];
+    cells_ = cellCount(rect_);
     unit_ = std::ldexp(1.0f, static_cast<int>(exponent(rect_)) + kTexelExponentMin) / 127.0f;
   }
 
@@ -115,8 +144,9 @@ class CellWriter {
   }
 
   const TextureAtlas& atlas_;
+  const CellPlan& plan_;
   ModelPrecision precision_;
-  std::size_t next_ = 0;   // rectangle after that of the texture
+  std::size_t next_ = 0;   // of the plan's rectangles, after that of the texture
   std::size_t first_ = 0;  // cell of the texture; cell 0 belongs to none
   std::size_t cells_ = 1;
   TextureRect rect_{};
@@ -137,10 +167,12 @@ ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model, ModelPre
         ErrorKind::device, limits.device,
         "the model has " + std::to_string(count) + " Gaussians, the device binds at most " + std::to_string(most));
   }
-  const std::vector<TextureRect>& rects = model.atlas.rects;
+  const std::optional<TextureAtlas> once = heldOnce(model.atlas);
+  const TextureAtlas& atlas = once ? *once : model.atlas;
+  const std::vector<TextureRect>& rects = atlas.rects;
+  const CellPlan plan = planCells(atlas, once.has_value());
   const std::uint32_t cell_size = precision == ModelPrecision::exact ? 2 : 1;
-  std::uint64_t cells = 1;
-  for (const TextureRect& rect : rects) cells += cellCount(rect);
+  const std::uint64_t cells = plan.cells;
   const std::uint64_t most_cells = std::min(limits.texel_elements / cell_size, 1u << kCellBits);
   if (cells > most_cells) {
     throw Error(ErrorKind::device, limits.device,
@@ -159,15 +191,10 @@ ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model, ModelPre
       device, "means", count, [&](std::size_t i) { return glm::vec4(model.mean[i], model.opacity_logit[i]); });
   buffers.rotation =
       uploadArray<glm::vec4>(device, "rotations", count, [&](std::size_t i) { return model.rotation[i]; });
-  CellWriter writer(model.atlas, precision);
-  std::uint32_t first_cell = 1;
+  CellWriter writer(atlas, plan, precision);
   buffers.scale_offset = uploadArray<glm::vec4>(device, "scales", count, [&](std::size_t i) {
-    std::uint32_t place = 0;
-    if (!rects.empty() && cellCount(rects[i]) > 0) {
-      place = first_cell;
-      if (precision == ModelPrecision::compact) place |= writer.exponent(rects[i]) << kCellBits;
-      first_cell += static_cast<std::uint32_t>(cellCount(rects[i]));
-    }
+    std::uint32_t place = rects.empty() ? 0 : plan.place[i];
+    if (place > 0 && precision == ModelPrecision::compact) place |= writer.exponent(rects[i]) << kCellBits;
     return glm::vec4(model.log_scale[i], std::bit_cast<float>(place));
   });
   buffers.texture_size = uploadArray<std::uint32_t>(device, "texture sizes", count, [&](std::size_t i) {
@@ -185,7 +212,7 @@ ModelBuffers uploadModel(GpuDevice& device, const GaussianModel& model, ModelPre
   }
   buffers.texels =
       uploadArray<glm::uvec4>(device, "texels", cells * cell_size, [&](std::size_t i) { return writer.element(i); });
-  const std::vector<glm::vec4> means = buffers.textured ? textureMeans(model.atlas, count) : std::vector<glm::vec4>{};
+  const std::vector<glm::vec4> means = buffers.textured ? textureMeans(atlas, count) : std::vector<glm::vec4>{};
   buffers.texture_means =
       uploadArray<glm::vec4>(device, "texture means", means.size(), [&](std::size_t i) { return means[i]; });
   return buffers;

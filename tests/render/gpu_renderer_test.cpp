@@ -127,6 +127,26 @@ TEST_CASE("every texture mode agrees with the reference, as the model's and as t
   checkAgainstReference(scene, settings, allowed(SceneKind::mixed, scene.model.intersection));
 }
 
+TEST_CASE("textures that Gaussians share are on the device once, and agree with the reference") {
+  TestScene scene = makeScene(SceneKind::mixed, 3);
+  const std::size_t count = scene.model.size();
+  Random random(5);
+  std::array<std::array<glm::vec4, 24>, 3> different;
+  for (auto& texture : different) {
+    for (glm::vec4& t : texture)
+      t = {0.3 * random.normal(), 0.3 * random.normal(), 0.3 * random.normal(), random.uniform()};
+  }
+  scene.model.atlas = makeUniformAtlas(count, 4, 6);
+  for (std::size_t i = 0; i < count; ++i) {
+    TextureRect& rect = scene.model.atlas.rects[i];
+    std::ranges::copy(different[i * 7 % 3], scene.model.atlas.texels.begin() + rect.offset);
+    if (i % 11 == 0) rect.width = rect.height = 0;
+  }
+  REQUIRE(count * 15 > 2400 / 2);  // cells, of which the device takes as many
+  const BindingLimit limit(1u << 27, 2400);
+  checkAgainstReference(bundled(scene), {}, allowed(SceneKind::mixed, scene.model.intersection));
+}
+
 TEST_CASE("a model that compact storage holds agrees with the reference from it, too", "[slow]") {
   const SceneKind kind = GENERATE(SceneKind::mixed, SceneKind::flat, SceneKind::aroundCamera);
   const bool constant = GENERATE(true, false);  // textures of one colour: no weights, which have 8 bits
@@ -401,6 +421,7 @@ TEST_CASE("what exceeds every binding is an error that names numbers", "[limits]
                     Contains("has 1501 Gaussians, the device binds at most 1500"));
   TestScene textured = facingScene(600);
   textured.model.atlas = makeUniformAtlas(600, 4, 6);
+  for (std::size_t i = 0; i < 600; ++i) textured.model.atlas.texels[24 * i].x = static_cast<float>(i);
   CHECK_THROWS_WITH(renderer.setModel(textured.model),
                     Contains("have 9001 cells between texels, the device binds at most 6000"));
   TestScene wide = facingScene(1000);  // around the camera: each covers every tile, 4 and then 17

@@ -69,6 +69,29 @@ TEST_CASE("textures of one group are equal in every texel and in size", "[textur
   CHECK(areShared(std::vector<std::uint32_t>{0, 1, 1, 0}));
 }
 
+TEST_CASE("what is shared is held once, where every rectangle that has it lies", "[textures]") {
+  TextureAtlas atlas = texturedModel(5, 3, 4).atlas;
+  CHECK_FALSE(heldOnce(atlas));
+  CHECK_FALSE(heldOnce({}));
+  const auto copy = [&](std::size_t from, std::size_t to) {
+    std::copy_n(atlas.texels.begin() + atlas.rects[from].offset, 9, atlas.texels.begin() + atlas.rects[to].offset);
+  };
+  copy(1, 0);
+  copy(3, 2);
+  copy(3, 4);
+  const std::optional<TextureAtlas> once = heldOnce(atlas);
+  REQUIRE(once);
+  CHECK(once->texels.size() == 18);
+  for (std::size_t i = 0; i < 5; ++i) {
+    CHECK(once->rects[i].offset == (i < 2 ? 0u : 9u));
+    CHECK(once->rects[i].width == 3);
+    CHECK(once->rects[i].height == 3);
+    for (std::uint32_t t = 0; t < 9; ++t) {
+      CHECK(once->texels[once->rects[i].offset + t] == atlas.texels[atlas.rects[i].offset + t]);
+    }
+  }
+}
+
 TEST_CASE("textures that are one another turned become one, and every Gaussian shows what it showed", "[textures]") {
   const int side = 4;
   GaussianModel model = texturedModel(40, side, 3);
