@@ -253,14 +253,14 @@ struct SmallItems {
 };
 
 // Items [begin, end), all of the splat in `slot`, which has a small texture.
-template <bool kCrossesNear, TextureOutside kOutside>
+template <int kSide, bool kCrossesNear, TextureOutside kOutside>
 HWY_INLINE void blendSmallHits(const HitBatch& batch, int slot, int begin, int end, const TileView& tile,
                                PixelBlock* blocks) {
   const PictureSplat& s = *batch.splats[slot];
   const PictureHit& hit = *batch.hits[slot];
   const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
   const Texture texture = makeTexture(hit, tile.texels.texels);
-  SmallTexture small;
+  SmallTexture<kSide> small;
   fillSmall(texture, hit.texture_width, hit.texture_height, tile.view.texture_rgb, tile.view.texture_alpha, small);
   TileRays rays;
   fillRays(s, hit, tile.x, tile.y, rowRange(s, tile.y), rays);
@@ -293,7 +293,7 @@ HWY_INLINE void blendSmallHits(const HitBatch& batch, int slot, int begin, int e
       hn::Store(point.v, df, items.v[i]);
     }
     for (int i = 0; i < count; ++i) {
-      const SmallTaps taps = smallTaps({hn::Load(df, items.u[i]), hn::Load(df, items.v[i])});
+      const SmallTaps taps = smallTaps(small, {hn::Load(df, items.u[i]), hn::Load(df, items.v[i])});
       const V factor = addSmall(small, 3, taps, set(1.0f));
       const V value = cutAlpha(hn::Mul(hn::Load(df, items.value[i]), factor));
       const auto color = [&](int ch) HWY_ATTR { return addSmall(small, ch, taps, base[ch]); };
@@ -301,6 +301,13 @@ HWY_INLINE void blendSmallHits(const HitBatch& batch, int slot, int begin, int e
     }
     begin += count;
   }
+}
+
+// The same of a texture that is small, but not the smallest; out of line, as is what follows blendHits().
+template <bool kCrossesNear, TextureOutside kOutside>
+HWY_NOINLINE void blendWideHits(const HitBatch& batch, int slot, int begin, int end, const TileView& tile,
+                                PixelBlock* blocks) {
+  blendSmallHits<kWideSide, kCrossesNear, kOutside>(batch, slot, begin, end, tile, blocks);
 }
 
 // Items [begin, end), all of the splat in `slot`, which has a PictureHit.
@@ -315,9 +322,19 @@ HWY_INLINE void blendHits(const HitBatch& batch, int slot, int begin, int end, c
   if constexpr (kSmallTextures) {
     if (textured && isSmall(hit) && !(mean.share > 0.0f)) {
       if (crosses_near) {
-        blendSmallHits<true, kOutside>(batch, slot, begin, end, tile, blocks);
+        blendSmallHits<kSmallSide, true, kOutside>(batch, slot, begin, end, tile, blocks);
       } else {
-        blendSmallHits<false, kOutside>(batch, slot, begin, end, tile, blocks);
+        blendSmallHits<kSmallSide, false, kOutside>(batch, slot, begin, end, tile, blocks);
+      }
+      return;
+    }
+  }
+  if constexpr (kWideTextures) {
+    if (textured && isWide(hit) && !(mean.share > 0.0f)) {
+      if (crosses_near) {
+        blendWideHits<true, kOutside>(batch, slot, begin, end, tile, blocks);
+      } else {
+        blendWideHits<false, kOutside>(batch, slot, begin, end, tile, blocks);
       }
       return;
     }
