@@ -334,8 +334,7 @@ int train(const TrainFlags& options, Processes* together) {
   } else {
     load();
   }
-  const bool shares = !renderer;  // one process on the CPU
-  if (shares) renderer = makeCpuDifferentiableRenderer();
+  if (!renderer) renderer = makeCpuDifferentiableRenderer();
   const std::optional<GaussianModel> context = contextOf(options, dataset);
   if (context) renderer = withContext(std::move(renderer), *context);
   if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
@@ -356,7 +355,7 @@ int train(const TrainFlags& options, Processes* together) {
   TrainSettings settings = settingsOf(options);
   if (options.target_bytes > 0) {
     const std::string said =
-        planSize(options, trainingPixels(dataset), start_model ? &*start_model : nullptr, shares, settings);
+        planSize(options, trainingPixels(dataset), start_model ? &*start_model : nullptr, !together, settings);
     if (!options.quiet) std::printf("%s\n", said.c_str());
   }
   planQuantizing(options, start_model ? &*start_model : nullptr, settings);

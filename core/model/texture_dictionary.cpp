@@ -245,13 +245,7 @@ bool areShared(std::span<const std::uint32_t> groups) {
   return different <= kMostSharedTextures && 2 * different <= groups.size();
 }
 
-std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
-  constexpr std::size_t kEnough = 2 * kMostSharedTextures;  // Gaussians that may have too many by themselves
-  if (atlas.rects.size() > kEnough) {
-    if (firstOfGroups(groupsOf(atlas, kEnough)).size() > kMostSharedTextures) return std::nullopt;
-  }
-  const std::vector<std::uint32_t> groups = textureGroups(atlas);
-  if (!areShared(groups)) return std::nullopt;
+TextureAtlas heldOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> groups) {
   TextureAtlas once;
   std::vector<TextureRect> rects;  // of the groups
   for (const std::uint32_t first : firstOfGroups(groups)) {
@@ -263,6 +257,16 @@ std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
   }
   for (const std::uint32_t group : groups) once.rects.push_back(rects[group]);
   return once;
+}
+
+std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
+  constexpr std::size_t kEnough = 2 * kMostSharedTextures;  // Gaussians that may have too many by themselves
+  if (atlas.rects.size() > kEnough) {
+    if (firstOfGroups(groupsOf(atlas, kEnough)).size() > kMostSharedTextures) return std::nullopt;
+  }
+  const std::vector<std::uint32_t> groups = textureGroups(atlas);
+  if (!areShared(groups)) return std::nullopt;
+  return heldOnce(atlas, groups);
 }
 
 void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed) {

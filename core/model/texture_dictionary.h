@@ -23,8 +23,9 @@ std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups);
 // kMostSharedTextures: what files hold once.
 bool areShared(std::span<const std::uint32_t> groups);
 
-// For what only reads: the textures of areShared() once, where the rectangles of all that share one lie. Nothing where
-// Gaussians have their own.
+// Each group's texture once, that of its first Gaussian, where the rectangles of the whole group lie; in groups' order.
+TextureAtlas heldOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> groups);
+// For what only reads: that of textureGroups(), or nothing where they are not areShared().
 std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas);
 
 // Leaves at most `entries` (1 to kMostSharedTextures) different textures, by k-means over those that there are: squared

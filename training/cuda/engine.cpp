@@ -26,8 +26,13 @@ class CudaTrainingEngine final : public TrainingEngine {
  public:
   CudaTrainingEngine(float ssim_weight, StepParts parts) : ssim_weight_(ssim_weight), parts_(parts) {}
 
+  bool sharesTextures() const override { return true; }
   void step(RunState& state, const StepInput& input) override {
-    hold(state);
+    if (holds_ && !input.texture_groups.empty() && device_.shared_rects.empty()) {  // it was looked at before
+      pull(state);
+      holds_ = false;
+    }
+    hold(state, input.texture_groups);
     ahead_ = true;
     steps_.push_back({input});
     records_.resize(kStepsAhead);
@@ -85,12 +90,12 @@ class CudaTrainingEngine final : public TrainingEngine {
     double counted = 0;  // values that count in its photograph
   };
 
-  void hold(const RunState& state) {
+  void hold(const RunState& state, std::span<const std::uint32_t> texture_groups = {}) {
     if (holds_) return;
     // Another stage may need less.
     const std::size_t room = std::exchange(frame_, Frame()).room();
     gradient_ = {};
-    upload(state, device_);
+    upload(state, texture_groups, device_);
     frame_.makeRoom(room);
     holds_ = true;
   }
@@ -152,10 +157,13 @@ class CudaTrainingEngine final : public TrainingEngine {
     const AdamScales scales = adamScales(device_.step + static_cast<std::int64_t>(index) + 1);
     const bool textured = state.training.model.texture_mode != TextureMode::none;
     // What a range of depths has moved no nearer one reads.
-    frame_.backward(v_picture_.data(), input.gradient, drawn, parts_.texels, [&](const TexelSums& sums) {
+    const Buffer<std::uint32_t>& owners = device_.owners;
+    const std::size_t at_a_time = owners.size() > 0 ? std::max(parts_.texels, stored.texel_count) : parts_.texels;
+    frame_.backward(v_picture_.data(), input.gradient, drawn, at_a_time, [&](const TexelSums& sums) {
       if (!textured) return;
-      moveTexels(sums, {stored, device_.moments.texels, input.rates.texels,
-                        input.rates.texels * input.rates.texel_decay, scales, input.clamp_colors, stop_.data()});
+      moveTexels(sums,
+                 {stored, device_.moments.texels, input.rates.texels, input.rates.texels * input.rates.texel_decay,
+                  scales, input.clamp_colors, stop_.data(), owners.data(), owners.size()});
     });
     moveParameters(stored, drawn, input, scales);
     if (input.gather_statistics) {

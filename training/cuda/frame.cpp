@@ -55,14 +55,15 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
   return view;
 }
 
-void DeviceModel::upload(const GaussianModel& model) {
+void DeviceModel::upload(const GaussianModel& model, const TextureAtlas& atlas) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   count = model.size();
   sh_count = static_cast<int>(model.shCount());
-  forEachParameter([](const Field&, Buffer<float>& to, const auto& from) { to.upload(from); }, *this, model);
-  rects.upload(model.atlas.rects);
+  forEachField([](const Field&, Buffer<float>& to, const auto& from) { to.upload(from); }, *this, model);
+  texels.upload(atlas.texels);
+  rects.upload(atlas.rects);
   largest_rect = 0;
-  for (const TextureRect& rect : model.atlas.rects) {
+  for (const TextureRect& rect : atlas.rects) {
     largest_rect = std::max<std::size_t>(largest_rect, rect.texelCount());
   }
 }

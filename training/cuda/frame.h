@@ -27,7 +27,9 @@ struct DeviceModel : ModelFields<FloatBuffer> {
   std::size_t largest_rect = 0;  // [texels]
   Buffer<TextureRect> rects;
 
-  void upload(const GaussianModel& model);
+  void upload(const GaussianModel& model) { upload(model, model.atlas); }
+  // Its Gaussians with another atlas' textures.
+  void upload(const GaussianModel& model, const TextureAtlas& atlas);
   void resizeLike(const DeviceModel& other);  // contents undefined
   // Room for so many Gaussians of the other's kind, and texels; contents undefined.
   void resizeLike(const DeviceModel& other, std::size_t gaussians, std::size_t texel_count);

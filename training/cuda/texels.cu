@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/system/assert.h"
 #include "training/cuda/device.h"
 
 namespace tg::cuda {
@@ -95,16 +96,18 @@ struct MoveArguments {
   AdamScales scales;
   bool clamp_colors;
   const std::uint32_t* stop;
+  const std::uint32_t* owners;
+  std::size_t owner_count;
 };
 TG_KERNEL moveTexelsKernel(MoveArguments a) {
   const bool still = stopped(a.stop);
   const std::size_t begin = a.in.ranks != nullptr ? a.in.ranks[0] : 0;
-  const std::size_t end = a.in.ranks != nullptr ? a.in.ranks[1] : a.model.count;
+  const std::size_t end = a.in.ranks != nullptr ? a.in.ranks[1] : a.owners != nullptr ? a.owner_count : a.model.count;
   const std::size_t step = static_cast<std::size_t>(gridDim.x) * (kThreads / kLanes);
   for (std::size_t k = begin + itemIndex() / kLanes; k < end; k += step) {
-    const std::size_t i = a.in.order != nullptr ? a.in.order[k] : k;
+    const std::size_t i = a.in.order != nullptr ? a.in.order[k] : a.owners != nullptr ? a.owners[k] : k;
     const TextureRect rect = a.model.rects[i];
-    const bool drawn = a.in.tile_counts[i] != 0;
+    const bool drawn = a.owners != nullptr || a.in.tile_counts[i] != 0;  // of owners, others may be; else sums are 0
     long long* sums = a.in.sums + 4 * static_cast<std::size_t>(a.in.places != nullptr ? a.in.places[i] : rect.offset);
     const std::size_t at = 4 * static_cast<std::size_t>(rect.offset);
     const std::size_t floats = 4 * static_cast<std::size_t>(areaOf(rect));
@@ -147,9 +150,11 @@ void finishTexels(const TexelSums& sums, const Parameters& model, float* v_texel
 }
 
 void moveTexels(const TexelSums& sums, const TexelMove& move) {
-  launch("move texels", moveTexelsKernel, std::min(blocksFor(kLanes * move.model.count), kMoveBlocks),
+  TG_ASSERT(move.owners == nullptr || sums.ranks == nullptr, "shared texels have one range");
+  const std::size_t gaussians = move.owners != nullptr ? move.owner_count : move.model.count;
+  launch("move texels", moveTexelsKernel, std::min(blocksFor(kLanes * gaussians), kMoveBlocks),
          MoveArguments{sums, move.model, move.moments.first.data(), move.moments.second.data(), move.rate, move.decay,
-                       move.scales, move.clamp_colors, move.stop});
+                       move.scales, move.clamp_colors, move.stop, move.owners, move.owner_count});
 }
 
 }  // namespace tg::cuda

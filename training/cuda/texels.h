@@ -48,6 +48,10 @@ struct TexelMove {
   AdamScales scales;
   bool clamp_colors;
   const std::uint32_t* stop = nullptr;
+  // Where rectangles lie on one another, the Gaussians of those that are moved, each once: of a single range. Null:
+  // all.
+  const std::uint32_t* owners = nullptr;
+  std::size_t owner_count = 0;
 };
 // Moves the texels of the range by Adam and lets them decay; then alpha to [0, 1], colours too where clamp_colors.
 void moveTexels(const TexelSums& sums, const TexelMove& move);

@@ -302,7 +302,7 @@ void Trainer::findTextureGroups() {
 void Trainer::requireSharing() const {
   if (engine_->sharesTextures()) return;
   throw Error(ErrorKind::usage,
-              "textures that Gaussians share are trained by one process on the CPU (expected --device cpu)");
+              "textures that Gaussians share are trained by one process (expected tgtrain without mpirun)");
 }
 
 // Leaves as many Gaussians, those that the training views show most, with their statistics.

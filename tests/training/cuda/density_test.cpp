@@ -68,7 +68,7 @@ void checkSame(const RunState& found, const RunState& expected) {
 template <typename Change>
 void onDevice(RunState& state, const Change& change) {
   cuda::DeviceState device;
-  cuda::upload(state, device);
+  cuda::upload(state, {}, device);
   change(device);
   cuda::download(device, state);
 }

@@ -201,6 +201,50 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   CHECK(sameNumbers(download(moments.second), numbers(state.moments.texels.second)));
 }
 
+TEST_CASE("CUDA moves the textures of owners alone, whether these are drawn or not", "[checked]") {
+  TrainingState state = randomState(40, 8);
+  state.model.texture_mode = TextureMode::rgba;
+  state.model.atlas = makeUniformAtlas(40, 3, 2);
+  resetMoments(state);
+  ModelGradient gradient;
+  forEachField([](const Field&, auto& v, const auto& values) { v.resize(values.size()); }, gradient, state.model);
+  std::vector<std::int64_t> sums;
+  Random random(9);
+  std::vector<std::uint32_t> owners, drawn(40, 0);
+  for (std::uint32_t i = 0; i < 40; ++i) {
+    const bool owns = i % 3 == 1;
+    if (owns) owners.push_back(i);
+    for (int texel = 0; texel < 6; ++texel) {
+      gradient.texels.emplace_back(0.0f);
+      for (int c = 0; c < 4; ++c) {
+        sums.push_back(static_cast<std::int64_t>(random.below(1u << 30)) - (1 << 29));
+        if (owns) gradient.texels.back()[c] = static_cast<float>(sums.back()) / cuda::kTexelUnits;
+      }
+    }
+  }
+  cuda::DeviceModel device;
+  device.upload(state.model);
+  cuda::DeviceMoments moments;
+  moments.first.upload(state.moments.texels.first);
+  moments.second.upload(state.moments.texels.second);
+  cuda::Buffer<std::uint32_t> counts, moved;
+  counts.upload(drawn);
+  moved.upload(owners);
+  cuda::Buffer<long long> device_sums;
+  device_sums.upload(sums);
+  const LearningRates rates;
+  cuda::moveTexels(
+      {device_sums.data(), counts.data(), nullptr, nullptr, nullptr},
+      {device.parameters(), moments, rates.texels, 0.0f, adamScales(1), false, nullptr, moved.data(), moved.size()});
+  std::vector<std::int64_t> left;
+  device_sums.downloadAll(left);
+  for (std::size_t k = 0; k < sums.size(); ++k) CHECK(left[k] == (k / 24 % 3 == 1 ? 0 : sums[k]));
+  const GaussianModel before = state.model;
+  adamStep(state, gradient, rates);
+  CHECK(sameNumbers(download(device.texels), numbers(state.model.atlas.texels)));
+  CHECK_FALSE(sameNumbers(download(device.texels), numbers(before.atlas.texels)));
+}
+
 TEST_CASE("CUDA's 3D filter, regularisers and exploration noise are the CPU's", "[checked]") {
   TrainingState state = randomState(300, 4);
   GaussianModel& model = state.model;

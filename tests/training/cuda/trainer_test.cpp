@@ -2,6 +2,7 @@
 // Whole runs with the CUDA engine beside the CPU's.
 #include <cmath>
 
+#include "core/model/texture_dictionary.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/cuda_orders.h"
@@ -87,6 +88,38 @@ TEST_CASE("textures are cut to fewer texels in a CUDA run as in one of the CPU")
   CHECK(same >= count * 9 / 10);
   REQUIRE((found.report.textured && expected.report.textured));
   CHECK(found.report.textured->loss == Approx(expected.report.textured->loss).epsilon(1e-2));
+}
+
+TEST_CASE("Gaussians share textures in a CUDA run as in one of the CPU, and it resumes to the same bytes") {
+  const Dataset dataset = smallDataset();
+  TrainSettings settings = run(20, 40);
+  settings.texture_dictionary = 4;
+  settings.texture_size = 3;
+  const auto cpu = makeCpuDifferentiableRenderer();
+  const auto cuda = makeCudaDifferentiableRenderer();
+  const TrainResult expected = train(dataset, settings, *cpu);
+  const TrainResult found = train(dataset, settings, *cuda);
+  const std::vector<std::uint32_t> groups = textureGroups(found.model.atlas);
+  const std::vector<std::uint32_t> others = textureGroups(expected.model.atlas);
+  std::size_t same = 0;  // what lies between two textures falls to either by the last bits
+  for (std::size_t i = 0; i < groups.size(); ++i) same += groups[i] == others.at(i);
+  CAPTURE(same);
+  CHECK(same >= groups.size() * 9 / 10);
+  CHECK(firstOfGroups(groups).size() <= 4);
+  CHECK(firstOfGroups(groups).size() > 1);
+  CHECK(found.model.atlas.texels.size() == 9 * found.model.size());
+  REQUIRE((found.report.textured && expected.report.textured));
+  CHECK(found.report.textured->loss == Approx(expected.report.textured->loss).epsilon(1e-2));
+
+  Trainer whole(dataset, settings, *cuda);
+  while (whole.stage() == Stage::plain || whole.state().iteration < 20) REQUIRE(whole.step());
+  Trainer resumed(dataset, settings, *cuda, RunState(whole.state()));
+  resumed.picture(dataset.views[0]);  // before a step says what is shared
+  while (whole.step()) {
+  }
+  while (resumed.step()) {
+  }
+  CHECK(resumed.result().model == whole.result().model);
 }
 
 TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer draws the model") {
