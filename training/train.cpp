@@ -98,7 +98,7 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
                                     return name.find("texture") != name.npos || name.find("texel") != name.npos;
                                   });
   const bool counted = given(is({"gaussians", "percent"})), sized = given(is({"texture-size"}));
-  const bool shared_out = given(is({"adaptive-texels", "texel-budget"}));
+  const bool dealt_out = given(is({"adaptive-texels", "texel-budget"}));
   const bool timed = given(is({"iterations", "densify-until"}));
   const bool textured_start = start && isTextured(*start);
   if (!given(is({"sh-degree"}))) settings.sh_degree = start ? start->sh_degree : kPlannedShDegree;
@@ -112,8 +112,9 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   }
   const bool textured = settings.texture_mode != TextureMode::none;
   const double part = partOfSog(options.output);
-  if (textured && shares && !textured_start && !shared_out && !given(is({"texture-dictionary", "texture-sizes"}))) {
-    settings.texture_dictionary = planSharedTextures(options.target_bytes, part);
+  if (textured && shares && !textured_start && !dealt_out && !given(is({"texture-dictionary", "texture-sizes"}))) {
+    const int side = sized ? std::max(settings.texture_size, 1) : kPlannedTextureSize;
+    settings.texture_dictionary = planSharedTextures(options.target_bytes, part, side);
   }
   const bool dictionary = textured && settings.texture_dictionary > 0;
   if (dictionary && !textured_start && !sized) settings.texture_size = kPlannedTextureSize;
@@ -121,7 +122,7 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
       dictionary ? planForDictionary(options.target_bytes, part, settings.sh_degree, settings.texture_dictionary,
                                      std::max(settings.texture_size, 1))
                  : planForSize(options.target_bytes, part, training_pixels, settings.sh_degree, settings.texture_mode);
-  const bool planned = !textured_start && !counted, cut = textured && !textured_start && !shared_out && !dictionary;
+  const bool planned = !textured_start && !counted, cut = textured && !textured_start && !dealt_out && !dictionary;
   if (planned) settings.gaussians = plan.gaussians;
   if (cut) {
     settings.adaptive_texels = static_cast<float>(plan.texels);
@@ -236,7 +237,7 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
   }
 }
 
-std::optional<Bundle> checkTraining(const TrainFlags& options) {
+std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
   TrainSettings settings = settingsOf(options);
   if (options.target_bytes > 0 || options.steps > 0) partOfSog(options.output);  // refuses what has none
   if (options.serve.empty() && !options.serve_token.empty()) {
@@ -252,7 +253,7 @@ std::optional<Bundle> checkTraining(const TrainFlags& options) {
   datasetOptions(options.data);
   std::optional<Bundle> start = startModel(options);
   const GaussianModel* model = start ? &start->model : nullptr;
-  if (options.target_bytes > 0) planSize(options, 0, model, false, settings);
+  if (options.target_bytes > 0) planSize(options, 0, model, !together, settings);
   planQuantizing(options, model, settings);
   return start;
 }
@@ -319,7 +320,7 @@ int train(const TrainFlags& options, Processes* together) {
                       " -o model.tgz` finds the cameras and trains");
     }
     if (together) refuseTogether(options);
-    start_bundle = checkTraining(options);
+    start_bundle = checkTraining(options, together != nullptr);
     if (!options.serve.empty()) {
       page = servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset));
     }

@@ -17,7 +17,7 @@ void checkOutputs(const TrainFlags& options, bool resumes);
 
 // Before hours of work, those of COLMAP among them: all that is wrong whatever the photographs are. Returns the start
 // model, if there is one. Throws Error.
-std::optional<Bundle> checkTraining(const TrainFlags& options);
+std::optional<Bundle> checkTraining(const TrainFlags& options, bool together = false);
 
 // What is wrong with the flags for the data set that is there. Throws Error.
 void checkData(const TrainFlags& options);

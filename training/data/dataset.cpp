@@ -169,11 +169,11 @@ void findMasks(const fs::path& folder, const std::string& images, MaskMeaning me
 }
 
 // Photographs of which every pixel is hidden show nothing: a film with masks of something that comes late has them.
-void leaveOutHidden(const fs::path& place, bool only_test, DatasetIndex& index, std::vector<std::string>& notes) {
+void leaveOutHidden(const fs::path& place, int downscale, DatasetIndex& index, std::vector<std::string>& notes) {
   std::vector<std::uint8_t> hidden(index.entries.size(), 0);
   parallelFor(hidden.size(), 1, [&](std::size_t i) {
     const fs::path& mask = index.entries[i].mask;
-    hidden[i] = !mask.empty() && hidesAll(mask);
+    hidden[i] = !mask.empty() && hidesAll(mask, downscale);
   });
   const auto first = std::ranges::find(hidden, 1);
   if (first == hidden.end()) return;
@@ -183,10 +183,8 @@ void leaveOutHidden(const fs::path& place, bool only_test, DatasetIndex& index, 
     if (hidden[i] == 0) shown.push_back(std::move(index.entries[i]));
   }
   index.entries = std::move(shown);
-  if (index.entries.empty() || (!only_test && index.entries.front().camera.test)) {
-    throw Error(
-        ErrorKind::badData, place.string(),
-        std::string("masks hide every pixel of the ") + (only_test ? "test" : "training") + " photographs (0 hides)");
+  if (index.entries.empty()) {
+    throw Error(ErrorKind::badData, place.string(), "masks hide every pixel of all photographs (0 hides)");
   }
   notes.push_back(std::to_string(hidden.size() - index.entries.size()) + " of " + std::to_string(hidden.size()) +
                   " photographs are left out: their masks hide every pixel (the first: " + name + ")");
@@ -429,6 +427,9 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
                                   first_missing + " and others; --image-folder names another folder)");
   }
 
+  findMasks(folder, images, options.masks, index, dataset.notes);
+  if (options.masks == MaskMeaning::hidden) leaveOutHidden(place, downscale, index, dataset.notes);
+
   if (block) requireListed(place, folder, *block, index);
   std::stable_sort(index.entries.begin(), index.entries.end(),
                    [](const auto& a, const auto& b) { return a.camera.name < b.camera.name; });
@@ -454,10 +455,6 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
 
   if (options.only_test) {
     std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
-  }
-  findMasks(folder, images, options.masks, index, dataset.notes);
-  if (options.masks == MaskMeaning::hidden) {
-    leaveOutHidden(place, options.only_test.value_or(false), index, dataset.notes);
   }
   loadPhotographs(index, downscale, options, dataset);
   return dataset;

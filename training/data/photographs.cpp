@@ -47,14 +47,9 @@ bool counts(const Image& mask, int x, int y) {
   return false;
 }
 
-// Zero is masked, as COLMAP and nerfstudio have it: a mask of 0 and 1 works as well as one of 0 and 255.
-std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width, int height, int downscale) {
-  const Image image = readImage(file);
-  if (!maskFits(image, width, height)) {
-    throw Error(ErrorKind::badData, file.string(),
-                "mask and image differ in size (expected " + sizeText(width, height) + " or an enlargement, found " +
-                    sizeText(image.width, image.height) + ")");
-  }
+// Of a picture of width x height, whose mask is the image. Zero is masked, as COLMAP and nerfstudio have it: a mask of
+// 0 and 1 works as well as one of 0 and 255.
+std::vector<std::uint8_t> reducedMask(const Image& image, int width, int height, int downscale) {
   const int columns = width / downscale;
   const int rows = height / downscale;
   std::vector<std::uint8_t> mask(static_cast<std::size_t>(columns) * rows, 255);
@@ -70,6 +65,16 @@ std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width,
     }
   }
   return mask;
+}
+
+std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width, int height, int downscale) {
+  const Image image = readImage(file);
+  if (!maskFits(image, width, height)) {
+    throw Error(ErrorKind::badData, file.string(),
+                "mask and image differ in size (expected " + sizeText(width, height) + " or an enlargement, found " +
+                    sizeText(image.width, image.height) + ")");
+  }
+  return reducedMask(image, width, height, downscale);
 }
 
 // A pixel counts where its whole box does. Borders that do not fill a box are cut.
@@ -111,14 +116,11 @@ Image ViewPixels::image() const {
   return result;
 }
 
-bool hidesAll(const std::filesystem::path& mask) {
+bool hidesAll(const std::filesystem::path& mask, int downscale) {
   const Image image = readImage(mask);
-  for (int y = 0; y < image.height; ++y) {
-    for (int x = 0; x < image.width; ++x) {
-      if (counts(image, x, y)) return false;
-    }
-  }
-  return true;
+  if (image.width < downscale || image.height < downscale) return false;
+  const std::vector<std::uint8_t> reduced = reducedMask(image, image.width, image.height, downscale);
+  return std::ranges::find(reduced, 255) == reduced.end();
 }
 
 Photograph decodePhotograph(const PhotographSource& source) {

@@ -55,8 +55,9 @@ struct PhotographSource {
 // one box of the filter, and what Undistortion throws. A mask may be larger than the image.
 Photograph decodePhotograph(const PhotographSource& source);
 
-// Whether a mask's file is 0 everywhere. Throws Error(cannotRead / badData).
-bool hidesAll(const std::filesystem::path& mask);
+// Whether a mask hides every pixel of its photograph at 1 / downscale of the size; of a mask that is larger than its
+// photograph, and where a lens is taken out, some that do are not found. Throws Error(cannotRead / badData).
+bool hidesAll(const std::filesystem::path& mask, int downscale);
 
 // The pixels over a colour. Opaque ones are returned as they are, without a copy.
 std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Photograph>& photograph,

@@ -166,17 +166,18 @@ std::string belowImages(const std::string& file_path, const fs::path& image) {
   return (path.lexically_relative("images").parent_path() / image.filename()).string();
 }
 
-std::string normal(const std::string& file) { return fs::path(file).lexically_normal().string(); }
+// The image that a path names, in one spelling.
+std::string placeOf(const fs::path& image) { return fs::absolute(image).lexically_normal().string(); }
 
 // One of nerfstudio's optional lists of file paths; empty where it is not there.
 std::set<std::string> fileList(const JsonNode& top, const fs::path& folder, const char* key) {
   std::set<std::string> files;
   const auto list = top.value.find(key);
-  if (list == top.value.end()) return files;
+  if (list == top.value.end() || list->is_null()) return files;
   if (!list->is_array()) top.fail(std::string("'") + key + "' is not an array");
   for (const nlohmann::json& file : *list) {
     if (!file.is_string()) top.fail(std::string("'") + key + "' holds something that is not a string");
-    files.insert(normal(portable(folder, file.get<std::string>())));
+    files.insert(placeOf(imagePath(folder, portable(folder, file.get<std::string>()))));
   }
   return files;
 }
@@ -185,9 +186,8 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
   const auto frames = top.value.find("frames");
   if (frames == top.value.end() || !frames->is_array()) top.fail("expected an array 'frames'");
   const std::set<std::string> train_files = fileList(top, folder, "train_filenames");
-  const std::set<std::string> val_files = fileList(top, folder, "val_filenames");
   std::set<std::string> test_files = fileList(top, folder, "test_filenames");
-  if (test_files.empty()) test_files = val_files;
+  if (test_files.empty()) test_files = fileList(top, folder, "val_filenames");
   index.has_split |= !test_files.empty();
   for (std::size_t i = 0; i < frames->size(); ++i) {
     const JsonNode frame{(*frames)[i], top.path, "frame " + std::to_string(i)};
@@ -197,14 +197,16 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
       frame.fail("expected a string 'file_path'");
     }
     DatasetIndex::Entry entry;
-    entry.lens = readLens(top, frame);
     const std::string file = portable(folder, file_path->get<std::string>());
-    const bool held_out = test_files.contains(normal(file));
-    if (!train_files.empty() && !held_out && !train_files.contains(normal(file))) {
+    entry.image = imagePath(folder, file);
+    const bool lists = !train_files.empty() || !test_files.empty();
+    const std::string place = lists ? placeOf(entry.image) : "";
+    const bool held_out = test_files.contains(place);
+    if (!train_files.empty() && !held_out && !train_files.contains(place)) {
       ++index.outside_split;
       continue;
     }
-    entry.image = imagePath(folder, file);
+    entry.lens = readLens(top, frame);
     entry.below_images = belowImages(file, entry.image);
     entry.camera.name = entry.image.filename().string();
     entry.camera.test = test || held_out;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -18,9 +19,10 @@ constexpr double kFileBytes = 3000;                                         // n
 constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
 constexpr double kTexelBytes = 1.25;
 constexpr double kSharedTexelBytes = 1.7;  // of 8 x 8
-constexpr double kSharedPart = 0.2;        // of a file, that shared textures may take
-constexpr double kMostTexels = 8;          // a Gaussian
-constexpr double kPixelsPerTexel = 100;    // of the training views: with fewer, another Gaussian shows more
+// How many textures are shared, and which part of a file they may take for that (docs/frontier.md).
+constexpr std::array<std::pair<int, double>, 2> kShared = {{{256, 0.1}, {64, 0.2}}};
+constexpr double kMostTexels = 8;        // a Gaussian
+constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes
 
 // For Gaussians of `each` bytes. Throws Error(usage).
@@ -42,10 +44,9 @@ double bytesOfGaussian(int sh_degree) {
 
 }  // namespace
 
-int planSharedTextures(std::uint64_t bytes, double part) {
-  for (const int textures : {256, 64}) {
-    const double each = kSharedTexelBytes * kPlannedTextureSize * kPlannedTextureSize;
-    if (textures * each <= kSharedPart * static_cast<double>(bytes) / part) return textures;
+int planSharedTextures(std::uint64_t bytes, double part, int side) {
+  for (const auto& [textures, most] : kShared) {
+    if (kSharedTexelBytes * textures * side * side <= most * static_cast<double>(bytes) / part) return textures;
   }
   return 0;
 }

@@ -19,9 +19,9 @@ struct SizePlan {
 constexpr int kPlannedShDegree = 1;
 constexpr int kPlannedTextureSize = 8;  // [texels] a side, of which the fewer are taken
 SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pixels, int sh_degree, TextureMode mode);
-// How many different textures of kPlannedTextureSize Gaussians are best to share in such a file (docs/frontier.md); 0:
-// none, in a file that is too small for them.
-int planSharedTextures(std::uint64_t bytes, double part);
+// How many different textures of side x side texels Gaussians are to share in such a file; 0: none, as it is too small
+// for them.
+int planSharedTextures(std::uint64_t bytes, double part, int side);
 // With so many different textures of side x side texels, which Gaussians share.
 SizePlan planForDictionary(std::uint64_t bytes, double part, int sh_degree, int textures, int side);
 

@@ -189,11 +189,18 @@ TEST_CASE("photographs of which a mask hides every pixel are left out", "[datase
   object.masks = tg::MaskMeaning::background;
   CHECK(loadDataset(folder.path, object).views.size() == 3);
 
-  tg::writeImage(folder / "masks/a.png", tg::Image(16, 12, 1));
-  CHECK(loadDataset(folder.path).views.size() == 1);
-  DatasetOptions test;
-  test.only_test = true;
-  CHECK_THAT(refusal(folder.path, test), Contains("masks hide every pixel of the test photographs"));
+  // The others are split, whatever was left out; a pixel that no box of the reduced picture is full of is none.
+  tg::Image dot(16, 12, 1);
+  dot.at(5, 5, 0) = 1.0f;
+  tg::writeImage(folder / "masks/a.png", dot);
+  CHECK(loadDataset(folder.path).views.size() == 2);
+  DatasetOptions half;
+  half.downscale = 2;
+  const tg::Dataset alone = loadDataset(folder.path, half);
+  REQUIRE(alone.views.size() == 1);
+  CHECK(alone.views[0].name == "c.png");
+  CHECK_FALSE(alone.views[0].test);
   tg::writeImage(folder / "masks/c.png", tg::Image(16, 12, 1));
-  CHECK_THAT(refusal(folder.path), Contains("masks hide every pixel of the training photographs"));
+  tg::writeImage(folder / "masks/a.png", tg::Image(16, 12, 1));
+  CHECK_THAT(refusal(folder.path), Contains("masks hide every pixel of all photographs"));
 }

@@ -531,7 +531,14 @@ TEST_CASE("nerfstudio's lists say what is trained, what is held out and what is 
   CHECK_THAT(loadDataset(folder.path).notes.at(0), Contains("1 of 4 frames are left out"));
   json["test_filenames"] = {"images/a.png"};
   CHECK(views() == "b.png c.png test a.png ");
-  json.erase("val_filenames");
+  // However paths are written; what is left out need not be of a camera that is known.
+  json["test_filenames"] = {(folder / "images/a.png").string()};
+  json["train_filenames"] = {"images/b.png", "images/../images/c.png"};
+  json["frames"][1]["file_path"] = "images/b";
+  json["frames"][3]["camera_model"] = "FISHEYE624";
+  CHECK(views() == "b.png c.png test a.png ");
+  json["frames"] = frames;
+  json["val_filenames"] = nullptr;
   json.erase("test_filenames");
   CHECK(views() == "c.png test b.png ");  // every 8th of what is listed
   json["train_filenames"] = {"images/e.png"};

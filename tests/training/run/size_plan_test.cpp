@@ -29,11 +29,13 @@ TEST_CASE("a plan has texels where the training views have pixels for them, and 
   CHECK(planForSize(100'000, 1, 1'000'000'000, 1, TextureMode::none).texels == 0);
 }
 
-TEST_CASE("a plan has shared textures where they take a fifth of the file at most", "[size plan]") {
-  CHECK(tg::planSharedTextures(30'000, 1) == 0);
-  CHECK(tg::planSharedTextures(60'000, 1) == 64);
-  CHECK(tg::planSharedTextures(60'000, 2) == 0);
-  CHECK(tg::planSharedTextures(200'000, 1) == 256);
+TEST_CASE("a plan has shared textures where they are a small part of the file", "[size plan]") {
+  CHECK(tg::planSharedTextures(30'000, 1, 8) == 0);
+  CHECK(tg::planSharedTextures(60'000, 1, 8) == 64);
+  CHECK(tg::planSharedTextures(60'000, 2, 8) == 0);
+  CHECK(tg::planSharedTextures(300'000, 1, 8) == 256);
+  CHECK(tg::planSharedTextures(300'000, 1, 16) == 64);
+  CHECK(tg::planSharedTextures(300'000, 1, 32) == 0);
   const tg::SizePlan shared = tg::planForDictionary(200'000, 1, 1, 256, tg::kPlannedTextureSize);
   const tg::SizePlan plain = planForSize(200'000, 1, 1'000'000, 1, TextureMode::none);
   CHECK(shared.gaussians < plain.gaussians);
