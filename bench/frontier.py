@@ -409,7 +409,8 @@ def report(folder, page, picture):
         Text("![PSNR over bytes, with textures and without](images/frontier.svg)"),
         Text(f"{len(found)} of {len(cells())} cells are done. Photographs are at half size, those of -full scenes "
              "at their own (lego 400 x 400, fox 270 x 480, printshop 400 x 400). sample is the scene that "
-             "`tgtrain make-sample` writes. Seeds beyond the first are of SH degree 1, and not of every arm. One cell "
+             "`tgtrain make-sample` writes. Seeds beyond the first, and -full scenes, are of SH degree 1 and not of "
+             "every arm. One cell "
              "again:"),
         Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
         Heading("With textures against without, over the whole range"),

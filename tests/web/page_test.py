@@ -26,18 +26,19 @@ TARGET = 44    # [px] of what a finger is to hit
 SHIFT = 8
 DRIP = 64     # bytes
 failures = []
-# Takes a page's device away while its model is uploaded, and gives it back as long after as window.back says [ms].
+# Takes a page's device away while its model is uploaded, once or, with `always` in the address, every time, and gives it
+# back as many ms later as `back` there says.
 LOSE = """{ const getContext = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function(...given) {
   const gl = getContext.apply(this, given);
   const createTexture = gl.createTexture;
-  if (this.id === 'picture' && !window.giveBack) gl.createTexture = function() {
+  const asked = new URLSearchParams(location.search);
+  if (this.id === 'picture' && (!window.giveBack || asked.has('always'))) gl.createTexture = function() {
     gl.createTexture = createTexture;
     const device = gl.getExtension('WEBGL_lose_context');
     window.giveBack = () => device.restoreContext();
     device.loseContext();
-    const back = new URLSearchParams(location.search).get('back');
-    if (back) setTimeout(giveBack, Number(back));
+    if (asked.has('back')) setTimeout(giveBack, Number(asked.get('back')));
     return createTexture.call(gl);
   };
   return gl;
@@ -210,6 +211,10 @@ def device_lost(browser, page, size):
            until(browser, "tgViewer.splats && !tgViewer.renderer.gl.isContextLost()"))
     same = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture()")), shown)
     expect("the same one", same.largest == 0, same)
+    browser.evaluate("tgViewer.device.loseContext(), 0")
+    expect("one that stays away is spoken of", until(browser, f"{told}.textContent.includes('taken')"))
+    browser.evaluate("tgViewer.device.restoreContext(), 0")
+    expect("until it is back", until(browser, f"{told}.hidden && tgViewer.splats"))
     with browser.before_pages(LOSE):
         found = browser.open(f"{whole}&back=300")
         expect("so does one that is lost while the model is uploaded", found.get("gaussians", 0) > 0, found)
@@ -217,9 +222,15 @@ def device_lost(browser, page, size):
         expect("with the same picture", same.largest == 0, same)
         expect("and without a word", browser.evaluate(f"{told}.hidden"), browser.evaluate(f"{told}.textContent"))
         browser.page("Page.navigate", url=f"{whole}&lost")
-        expect("one that stays away is spoken of", until(browser, f"{told} && {told}.textContent.includes('taken')"))
+        expect("also one that stays away then", until(browser, f"{told} && {told}.textContent.includes('taken')"))
         browser.evaluate("giveBack(), 0")
         expect("and the page goes on when it comes", until(browser, "window.__done && __done.gaussians > 0", 60))
+        found = browser.open(f"{whole}&back=100&always")
+        expect("a model that always takes the device away is given up", "whenever" in found.get("error", ""), found)
+    browser.open(whole)
+    gone = browser.evaluate("((model) => { tgViewer.dispose(); tgViewer.dispose();"
+                            " return tgViewer.open(model).catch((error) => error.message); })(tgViewer.model)")
+    expect("a viewer that was disposed of says so", "disposed" in gone, gone)
 
 
 def main():

@@ -138,6 +138,11 @@ export class TexturedGaussiansElement extends HTMLElement {
       } else {
         this.viewer = new Viewer(this.canvas);
         this.viewer.onError = (error) => this.fail(error);
+        this.viewer.onLost = (words) => {
+          if (words) this.fail(new Error(words));
+          else if (this.model) this.apply([]);
+          else this.words.textContent = '';
+        };
         listenToHands(this.viewer);
       }
       awake.push(this);

@@ -11,6 +11,7 @@ const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full a
 const PATIENCE_MILLISECONDS = 5;  // between two looks whether the device is done
 const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
 const LOST_MILLISECONDS = 5000;  // until a device that the browser took away and has not given back is spoken of
+const MOST_UPLOADS = 3;  // of a model, where the device is lost meanwhile
 const MAX_FIXED_SIDE = 8192;
 
 const LOST = 'The browser has taken the graphics device away. If the picture does not come back, reload the page.';
@@ -34,20 +35,30 @@ export class Viewer {
     this.waiting = [];        // called when the picture is what was asked for
     this.openings = 0;
     this.uploads = 0;         // under way: where the device is lost meanwhile they begin again
+    this.uploaded = null;     // resolves when the last of them ends
     this.missing = [];        // called once there is a device again
+    this.lostSaid = false;
     this.taking = null;       // resolves when a larger budget has its room
     this.lost = null;         // resolves once the context is, that release() has given back
     this.onChange = () => {};
     this.onError = (error) => console.error(error);
+    this.onLost = (words) => words && console.error(words);  // of a device that stays away; '' once it is back
     canvas.addEventListener('webglcontextlost', (event) => {
       event.preventDefault();
       if (this.lost || !this.renderer) return;  // it was given back
-      this.lostTimer = setTimeout(() => this.onError(new Error(LOST)), LOST_MILLISECONDS);
+      this.lostTimer = setTimeout(() => this.sayLost(LOST), LOST_MILLISECONDS);
     });
     canvas.addEventListener('webglcontextrestored', () => {
-      clearTimeout(this.lostTimer);
+      if (!this.renderer) return;
+      this.sayLost('');
       if (!this.lost) this.restore().catch((error) => this.onError(error));
     });
+  }
+
+  sayLost(words) {
+    clearTimeout(this.lostTimer);
+    if (words || this.lostSaid) this.onLost(words);
+    this.lostSaid = words !== '';
   }
 
   openContext() {
@@ -78,13 +89,28 @@ export class Viewer {
     this.changed();
   }
 
-  // The view stays unless `orbit` has one. False where another model was asked for meanwhile.
-  async take(model, orbit) {
+  // The view stays unless `orbit` has one. False where another model was asked for meanwhile. Where it cannot be, what
+  // was seen before stays.
+  take(model, orbit) {
+    const taken = this.takeNow(model, orbit);
+    this.uploaded = taken.catch(() => {});
+    return taken;
+  }
+
+  async takeNow(model, orbit) {
+    if (!this.renderer) throw new Error('the viewer was disposed of');
     const opening = ++this.openings;
     let next = null;
     ++this.uploads;
     try {
-      while (!next && opening === this.openings) next = await this.upload(model);
+      for (let tries = 0; !next && opening === this.openings; ++tries) {
+        if (tries === MOST_UPLOADS) throw new Error('The graphics device is lost whenever the model is put onto it.');
+        next = await this.upload(model);
+      }
+    } catch (error) {
+      const was = opening === this.openings && !this.splats && model !== this.model && this.model;
+      if (was && await this.takeNow(was, this.orbit).catch(() => false)) this.changed();
+      throw error;
     } finally {
       --this.uploads;
     }
@@ -105,7 +131,7 @@ export class Viewer {
   // one then.
   async upload(model) {
     const {renderer} = this;
-    const held = () => renderer === this.renderer && !renderer.gl.isContextLost();
+    const held = () => renderer === this.renderer && renderer !== null && !renderer.gl.isContextLost();
     let first = () => {}, next = null;
     const ordered = new Promise((resolve) => { first = resolve; });
     try {
@@ -381,7 +407,11 @@ export class Viewer {
     if (this.splats) this.splats.dispose();
     this.splats = null;
     this.goOn();
-    if (this.uploads === 0 && this.model && await this.take(this.model, this.orbit)) this.changed();
+    if (this.uploads > 0) {
+      await this.uploaded;
+    } else if (this.model && await this.take(this.model, this.orbit)) {
+      this.changed();
+    }
   }
 
   goOn() {
@@ -398,6 +428,11 @@ export class Viewer {
       this.splats.dispose();
     }
     this.splats = this.flight = null;
+    clearTimeout(this.lostTimer);
+    if (this.renderer.gl.isContextLost()) {
+      this.lost = Promise.resolve();
+      return still;
+    }
     // A context may be asked back once the event is over.
     this.lost = new Promise((done) => {
       this.canvas.addEventListener('webglcontextlost', () => setTimeout(done), {once: true});
@@ -406,18 +441,27 @@ export class Viewer {
     return still;
   }
 
-  // Goes on where release() was called. Resolves when the model is on the device again.
+  // Goes on where release() was called. Resolves when the model is on the device again; throws where the browser does
+  // not give that back.
   async resume() {
     await this.lost;
-    const restored = new Promise((done) => this.canvas.addEventListener('webglcontextrestored', done, {once: true}));
-    this.device.restoreContext();
-    await restored;
+    if (this.renderer.gl.isContextLost()) {
+      await new Promise((done, fail) => {
+        const timer = setTimeout(() => fail(new Error(LOST)), LOST_MILLISECONDS);
+        this.canvas.addEventListener('webglcontextrestored', () => {
+          clearTimeout(timer);
+          done();
+        }, {once: true});
+        this.device.restoreContext();
+      });
+    }
     await this.restore();
     this.lost = null;
     this.changed();
   }
 
   dispose() {
+    if (!this.renderer) return;
     ++this.openings;
     this.flight = null;
     clearTimeout(this.restTimer);

@@ -18,7 +18,7 @@ function showLoading(share) {
 
 // While the model, `total` characters, comes. Browsers do not say that a connection broke.
 function watchLoading(total) {
-  let before = -1, since = 0;
+  let before = -1, since = 0, told = false;
   watching = setInterval(() => {
     if (document.readyState !== 'loading') {  // and startViewer(), at the end of the page, was not called
       fail(new Error('This page has not come as a whole: reload it.'));
@@ -28,8 +28,12 @@ function watchLoading(total) {
     for (const node of document.querySelectorAll('script.model')) {
       for (const part of node.childNodes) come += part.length;
     }
-    if (come !== before) [before, since] = [come, performance.now()];
-    if (performance.now() - since > STALLED) {
+    if (come !== before) {
+      [before, since] = [come, performance.now()];
+      if (told) showMessage('');
+      told = false;
+    } else if (!told && performance.now() - since > STALLED) {
+      told = true;
       showMessage('Nothing more of this page comes: wait, or reload it where the connection is gone.');
     }
     showLoading(SHARES.come * Math.min(come / Math.max(Number(total), 1), 1));

@@ -20,6 +20,7 @@ function showMessage(text, isNote = false) {
 function openViewer() {
   const viewer = new Viewer(element('picture'));
   viewer.onError = (error) => showMessage(error.message);
+  viewer.onLost = (words) => showMessage(words);
   return viewer;
 }
 

@@ -147,7 +147,12 @@ async function startLive() {
     showMessage(error.message);
     element('waiting').hidden = true;
   }
-  let answered = performance.now();
+  let answered = performance.now(), said = '';
+  const say = (words) => {
+    if (words === said) return;
+    if (words !== '' || element('message').firstElementChild.textContent === said) showMessage(words);
+    said = words;
+  };
   let following = false, trouble = null;  // a model is read and drawn; what went wrong with the last one
   const follow = async (state) => {  // meanwhile the state is asked for: a slow picture holds up no word
     if (following) return;
@@ -174,11 +179,11 @@ async function startLive() {
       if (failed && !ended && performance.now() - answered > LOST_AFTER) {
         element('phase').textContent = 'no answer';
         element('phase').className = 'lost';
-        showMessage(`No answer since ${duration((performance.now() - answered) / 1000)}: ${failed.message}`);
+        say(`No answer since ${duration((performance.now() - answered) / 1000)}: ${failed.message}`);
       } else if (failed && failed.message.includes('token')) {
-        showMessage(failed.message);
-      } else if (!failed && element('message').className !== 'note') {
-        showMessage('');
+        say(failed.message);
+      } else if (!failed) {
+        say('');
       }
     }
     await new Promise((resolve) => setTimeout(resolve, PAUSE));
