@@ -38,8 +38,8 @@ FULL = {f"{name}-full": Scene(TRIALS[name].folder, 1, *TRIALS[name].flags) for n
 SCENES = {**TRIALS, "sample": Scene("sample", 1), **FULL}
 COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 6800, 13600, 27200],
           "lego": [620, 1250, 2500, 5000, 10000, 20000, 40000],
-          "printshop": [950, 1900, 3800, 7600, 15200, 30400], "fox-full": [6800, 13600, 27200, 54400],
-          "lego-full": [5000, 10000, 20000, 40000], "printshop-full": [7600, 15200, 30400, 60800]}
+          "printshop": [950, 1900, 3800, 7600, 15200, 30400], "fox-full": [6800, 13600, 27200],
+          "lego-full": [5000, 10000, 20000, 40000], "printshop-full": [7600, 15200, 30400]}
 DEGREES = [1, 0, 3]
 ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8", "shared4-64", "shared4-256", "shared8-64", "shared8-256"]
 SEEDS = [1, 2, 3]
