@@ -224,6 +224,22 @@ TEST_CASE("a picture alone equals the reference's on every kind of scene, in bot
   }
 }
 
+TEST_CASE("a picture alone of 5 x 7 and 8 x 8 textures that cross the near plane equals the reference's") {
+  for (const TextureOutside outside : {TextureOutside::base, TextureOutside::clip, TextureOutside::edge}) {
+    for (const auto& [width, height] : {std::pair<std::uint16_t, std::uint16_t>(5, 7), {8, 8}}) {
+      TestScene scene = makeScene(SceneKind::nearPlane, 26);
+      Random random(27);
+      scene.model.atlas = makeUniformAtlas(scene.model.size(), width, height);
+      for (glm::vec4& texel : scene.model.atlas.texels) {
+        texel = {0.3 * random.normal(), 0.3 * random.normal(), 0.3 * random.normal(), random.uniform()};
+      }
+      RenderSettings settings = pictureAlone(IntersectionModel::maxResponse);
+      settings.outside = outside;
+      checkPicture(SceneKind::nearPlane, scene, settings);
+    }
+  }
+}
+
 TEST_CASE("a picture alone with every setting equals the reference's") {
   for (const auto intersection : kModels) {
     for (const auto textures : {TextureMode::none, TextureMode::rgba}) {
