@@ -89,7 +89,18 @@ void writeAfterTraining(const std::string& path, bool replace, const std::functi
 }
 
 void keepModel(const std::string& path, const Bundle& scene) {
-  std::fprintf(stderr, "tgtrain: the model is kept as %s\n", writeBeside(path, scene).c_str());
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  std::string why;
+  for (const fs::path& place : {fs::path(path), fs::temp_directory_path(ignored) / fs::path(path).filename()}) {
+    try {
+      std::fprintf(stderr, "tgtrain: the model is kept as %s\n", writeBeside(place.string(), scene).c_str());
+      return;
+    } catch (const Error& error) {
+      why = error.what();
+    }
+  }
+  std::fprintf(stderr, "tgtrain: the model is not kept: %s\n", why.c_str());
 }
 
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
@@ -124,7 +135,7 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, cons
       write(path, scene, replace, quiet, size);
     } catch (const Error&) {
       const bool came = !replace && std::filesystem::exists(path);
-      if (!came && kept.empty() && format.name != "tgz") keepModel(path, whole());
+      if (!came && kept.empty()) keepModel(path, whole());
       throw;
     }
   };

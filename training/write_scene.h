@@ -32,7 +32,8 @@ void writeAfterTraining(const std::string& path, bool replace, const std::functi
                         const std::function<std::string()>& keep);
 
 // Where a model is when it cannot be what was asked for: PATH.tgz, or the first PATH-N.tgz that is free (of NAME.tgz
-// NAME-N.tgz), and a line on stderr that says so.
+// NAME-N.tgz), in the folder for temporary files where that has no room; and a line on stderr that says so, or why it is
+// nowhere.
 void keepModel(const std::string& path, const Bundle& scene);
 
 // Writes `scene`, as writeAfterTraining(); its cameras only where the format has them and neither size nor steps are

@@ -237,6 +237,25 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
   CHECK_THAT(large.output, Contains("scene.sog: --target-size is out of reach") && Contains("wrote scene.sog"));
 }
 
+TEST_CASE("a model that finds no room is kept where temporary files have some", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  fs::create_directory(folder / "disk");
+  fs::create_directory(folder / "other");
+  const std::string mount = "mount -t tmpfs -o size=4k none disk";
+  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  for (const std::string name : {"model.tgz", "model.sog"}) {
+    const Outcome full = run(folder, "TMPDIR=$PWD/other unshare -rm sh -c '" + mount +
+                                         " && \"" TG_TGTRAIN "\" scene -o disk/" + name + kShort + "'");
+    INFO(full.output);
+    CHECK(full.code == 4);
+    CHECK_THAT(full.output, Contains("the model is kept as " + (folder / "other" / name).string()) &&
+                                Contains("No space left on device"));
+    const std::string kept = name == "model.tgz" ? "model-2.tgz" : "model.sog.tgz";
+    CHECK(tg::readBundle(folder / "other" / kept).model.size() > 0);
+  }
+}
+
 TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on the CPU", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
@@ -268,7 +287,7 @@ TEST_CASE("an existing model is kept unless --overwrite, and when writing fails"
   const Outcome full =
       run(folder, "(ulimit -f 8; trap '' XFSZ; '" TG_TGTRAIN "' scene -o model.tgz --overwrite -q" + kShort + ")");
   CHECK(full.code == 4);
-  CHECK_THAT(full.output, Contains("model.tgz: cannot write: File too large"));
+  CHECK_THAT(full.output, Contains("model.tgz: cannot write: File too large") && Contains("the model is not kept"));
   CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);
   for (const auto& entry : fs::directory_iterator(folder.path)) {
     const std::string name = entry.path().filename().string();

@@ -145,18 +145,22 @@ fs::path findMask(const fs::path& folder, const std::vector<std::string>& mask_f
   return {};
 }
 
-void findMasks(const fs::path& folder, const std::string& images, MaskMeaning meaning, DatasetIndex& index,
-               std::vector<std::string>& notes) {
+// Masks by name for the photographs that have none yet. Returns the folders in which they are looked for.
+std::vector<std::string> findMasks(const fs::path& folder, const std::string& images, DatasetIndex& index) {
   std::vector<std::string> mask_folders;
   for (const std::string& name :
        {images.starts_with("images_") ? "masks" + images.substr(6) : "", std::string("masks")}) {
     if (!name.empty() && isFolder(folder / name)) mask_folders.push_back(name);
   }
-  std::size_t masked = 0;
   for (DatasetIndex::Entry& entry : index.entries) {
     if (entry.mask.empty()) entry.mask = findMask(folder, mask_folders, entry);
-    masked += !entry.mask.empty();
   }
+  return mask_folders;
+}
+
+void noteMasks(const DatasetIndex& index, MaskMeaning meaning, const std::vector<std::string>& mask_folders,
+               std::vector<std::string>& notes) {
+  const auto masked = std::ranges::count_if(index.entries, [](const auto& entry) { return !entry.mask.empty(); });
   if (masked > 0) {
     notes.push_back(std::to_string(masked) + " of " + std::to_string(index.entries.size()) +
                     " photographs have a mask: pixels where it is 0 are " +
@@ -427,7 +431,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
                                   first_missing + " and others; --image-folder names another folder)");
   }
 
-  findMasks(folder, images, options.masks, index, dataset.notes);
+  const std::vector<std::string> mask_folders = findMasks(folder, images, index);
   if (options.masks == MaskMeaning::hidden) leaveOutHidden(place, downscale, index, dataset.notes);
 
   if (block) requireListed(place, folder, *block, index);
@@ -456,6 +460,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   if (options.only_test) {
     std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
   }
+  noteMasks(index, options.masks, mask_folders, dataset.notes);
   loadPhotographs(index, downscale, options, dataset);
   return dataset;
 }

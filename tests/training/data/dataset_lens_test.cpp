@@ -183,7 +183,7 @@ TEST_CASE("photographs of which a mask hides every pixel are left out", "[datase
   CHECK(dataset.views[0].name == "c.png");
   CHECK(dataset.views[1].name == "a.png");
   CHECK(dataset.views[1].test);
-  CHECK_THAT(dataset.notes.back(),
+  CHECK_THAT(dataset.notes.front(),
              Contains("1 of 3 photographs are left out: their masks hide every pixel (the first: b.png)"));
   DatasetOptions object;
   object.masks = tg::MaskMeaning::background;
