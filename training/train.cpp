@@ -395,15 +395,17 @@ int train(const TrainFlags& options, Processes* together) {
     if (stop_requested) break;
     try {
       if (!trainer.step(&stop_requested)) continue;
-    } catch (const std::exception&) {
+    } catch (const std::exception& error) {
       if (!storing || run) throw;
+      const auto* named = dynamic_cast<const Error*>(&error);
+      const Error why = named ? *named : Error(ErrorKind::cannotWrite, options.output, error.what());
       // The file cannot be written, which its trial says before the end.
       line.finish();
       json_options.total_seconds = seconds();
       TrainResult result = trainer.result();
-      keepModel(options.output,
-                makeTrainedBundle(dataset, settings, result.report, std::move(result.model), *renderer, json_options));
-      throw;
+      throw keepModel(
+          options.output,
+          makeTrainedBundle(dataset, settings, result.report, std::move(result.model), *renderer, json_options), why);
     }
     if (!options.quiet) line.show(trainer.progress());
     if (run) run->afterStep(trainer);

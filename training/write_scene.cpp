@@ -88,19 +88,16 @@ void writeAfterTraining(const std::string& path, bool replace, const std::functi
   }
 }
 
-void keepModel(const std::string& path, const Bundle& scene) {
+Error keepModel(const std::string& path, const Bundle& scene, const Error& why) {
   namespace fs = std::filesystem;
   std::error_code ignored;
-  std::string why;
   for (const fs::path& place : {fs::path(path), fs::temp_directory_path(ignored) / fs::path(path).filename()}) {
     try {
-      std::fprintf(stderr, "tgtrain: the model is kept as %s\n", writeBeside(place.string(), scene).c_str());
-      return;
-    } catch (const Error& error) {
-      why = error.what();
+      return {why.kind, why.what() + (" (the model is kept as " + writeBeside(place.string(), scene)) + ")"};
+    } catch (const Error&) {  // the next place may have room
     }
   }
-  std::fprintf(stderr, "tgtrain: the model is not kept: %s\n", why.c_str());
+  return why;
 }
 
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
@@ -133,10 +130,10 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, cons
   const auto writeIt = [&] {
     try {
       write(path, scene, replace, quiet, size);
-    } catch (const Error&) {
+    } catch (const Error& error) {
       const bool came = !replace && std::filesystem::exists(path);
-      if (!came && kept.empty()) keepModel(path, whole());
-      throw;
+      if (came || !kept.empty()) throw;
+      throw keepModel(path, whole(), error);
     }
   };
   writeAfterTraining(path, replace, writeIt, [&] { return kept.empty() ? writeBeside(path, whole()) : kept; });

@@ -31,10 +31,9 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
 void writeAfterTraining(const std::string& path, bool replace, const std::function<void()>& write,
                         const std::function<std::string()>& keep);
 
-// Where a model is when it cannot be what was asked for: PATH.tgz, or the first PATH-N.tgz that is free (of NAME.tgz
-// NAME-N.tgz), in the folder for temporary files where that has no room; and a line on stderr that says so, or why it is
-// nowhere.
-void keepModel(const std::string& path, const Bundle& scene);
+// Keeps a model that cannot be what was asked for: as PATH.tgz, or the first PATH-N.tgz that is free (of NAME.tgz
+// NAME-N.tgz), in the folder for temporary files where that has no room. Returns `why` with where it is, or as it was.
+Error keepModel(const std::string& path, const Bundle& scene, const Error& why);
 
 // Writes `scene`, as writeAfterTraining(); its cameras only where the format has them and neither size nor steps are
 // asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size,

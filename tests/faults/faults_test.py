@@ -11,6 +11,7 @@ import contextlib
 import io
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -147,6 +148,11 @@ class Runner:
             return f"exit code {done.returncode} (expected {sorted(codes)}): {said[-300:]}"
         if len(said.splitlines()) != 1:
             return f"{len(said.splitlines())} lines: {said[-600:]}"
+        kept = re.search(r"\(the model is kept as (\S+)\)$", said)
+        if kept:  # after training: whole, under a name that was free
+            model = files.pop(kept[1], None)
+            if kept[1] in before or model not in wanted.values():
+                return f"{kept[1]} is no model: {said}"
         if scenario.older:
             differing = sorted(name for name in before.keys() | files.keys() if before.get(name) != files.get(name))
             return f"half-written: {differing}: {said}" if differing and files != wanted else None

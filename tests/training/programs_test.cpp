@@ -287,7 +287,7 @@ TEST_CASE("an existing model is kept unless --overwrite, and when writing fails"
   const Outcome full =
       run(folder, "(ulimit -f 8; trap '' XFSZ; '" TG_TGTRAIN "' scene -o model.tgz --overwrite -q" + kShort + ")");
   CHECK(full.code == 4);
-  CHECK_THAT(full.output, Contains("model.tgz: cannot write: File too large") && Contains("the model is not kept"));
+  CHECK_THAT(full.output, Contains("model.tgz: cannot write: File too large") && !Contains("kept"));
   CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);
   for (const auto& entry : fs::directory_iterator(folder.path)) {
     const std::string name = entry.path().filename().string();
