@@ -49,7 +49,7 @@ STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
 QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
 SIDE = 8  # [texels] of the textures that are cut
-FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs'
+FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs' at half size
 PLOTS_A_ROW = 4
 LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
@@ -163,7 +163,8 @@ class Driver:
             return
         print(name, file=sys.stderr, flush=True)
         dataset = json.loads(cell.read_text())["training"]["dataset"]
-        size = f"{FRAME_SCALE * dataset['width']}x{FRAME_SCALE * dataset['height']}"
+        scale = FRAME_SCALE // 2 if name.split("/")[0] in FULL else FRAME_SCALE
+        size = f"{scale * dataset['width']}x{scale * dataset['height']}"
         measured = self.options.work / "frames.partial"
         command = [self.options.bin / "render_bench", model, "--backend", "cpu", "--threads", self.options.threads,
                    "--size", size, "--frames", FRAMES, "--frames-only", "--json", measured]
@@ -450,7 +451,8 @@ def report(folder, page, picture):
                      prices(found)),
                Heading("A frame at equal PSNR"),
                Text("Processor milliseconds a frame of the CPU renderer, from the first camera, with "
-                    f"{FRAME_SCALE} times as many pixels a side as the photographs have; models before they are cut. "
+                    f"{FRAME_SCALE} times as many pixels a side as the photographs have at half size; models before they "
+                    "are cut. "
                     "Plain: of as many Gaussians without textures as come to the same PSNR, between the counts that "
                     "are there. Mean over seeds, the difference +- twice its standard error."),
                Table(["scene", "with textures", "seeds", "PSNR", "ms", "plain", "difference [%]"],
