@@ -97,7 +97,8 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   const bool speaks_of_textures = settings.compare_untextured || given([](std::string_view name) {
                                     return name.find("texture") != name.npos || name.find("texel") != name.npos;
                                   });
-  const bool counted = given(is({"gaussians", "percent"})), sized = given(is({"texture-size"}));
+  const bool counted = given(is({"gaussians", "percent"})),
+             sized = given(is({"texture-size"})) && settings.texture_size > 0;
   const bool dealt_out = given(is({"adaptive-texels", "texel-budget"}));
   const bool timed = given(is({"iterations", "densify-until"}));
   const bool textured_start = start && isTextured(*start);
@@ -113,7 +114,7 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   const bool textured = settings.texture_mode != TextureMode::none;
   const double part = partOfSog(options.output);
   if (textured && shares && !textured_start && !dealt_out && !given(is({"texture-dictionary", "texture-sizes"}))) {
-    const int side = sized ? std::max(settings.texture_size, 1) : kPlannedTextureSize;
+    const int side = sized ? settings.texture_size : kPlannedTextureSize;
     settings.texture_dictionary = planSharedTextures(options.target_bytes, part, side);
   }
   const bool dictionary = textured && settings.texture_dictionary > 0;

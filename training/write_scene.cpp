@@ -64,13 +64,26 @@ std::string writeBeside(const std::string& path, const Bundle& scene) {
   const KeepExisting no_other_run;
   for (int number = bundle ? 2 : 1;; ++number) {
     const std::string kept = stem + (number == 1 ? "" : "-" + std::to_string(number)) + ".tgz";
-    if (std::filesystem::exists(kept)) continue;
+    std::error_code ignored;
+    if (std::filesystem::exists(kept, ignored)) continue;
     try {
       writeBundle(kept, scene);
       return kept;
     } catch (const Error&) {
-      if (!std::filesystem::exists(kept)) throw;
+      if (!std::filesystem::exists(kept, ignored)) throw;
     }
+  }
+}
+
+// Beside `path`, or in the folder for temporary files where that has no room; returns the name.
+std::string writeSomewhere(const std::string& path, const Bundle& scene) {
+  try {
+    return writeBeside(path, scene);
+  } catch (const std::exception&) {
+    std::error_code none;
+    const std::filesystem::path folder = std::filesystem::temp_directory_path(none);
+    if (none) throw;
+    return writeBeside((folder / std::filesystem::path(path).filename()).string(), scene);
   }
 }
 
@@ -89,15 +102,11 @@ void writeAfterTraining(const std::string& path, bool replace, const std::functi
 }
 
 Error keepModel(const std::string& path, const Bundle& scene, const Error& why) {
-  namespace fs = std::filesystem;
-  std::error_code ignored;
-  for (const fs::path& place : {fs::path(path), fs::temp_directory_path(ignored) / fs::path(path).filename()}) {
-    try {
-      return {why.kind, why.what() + (" (the model is kept as " + writeBeside(place.string(), scene)) + ")"};
-    } catch (const Error&) {  // the next place may have room
-    }
+  try {
+    return {why.kind, why.what() + (" (the model is kept as " + writeSomewhere(path, scene)) + ")"};
+  } catch (const std::exception&) {  // the first reason says more
+    return why;
   }
-  return why;
 }
 
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
@@ -131,12 +140,13 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, cons
     try {
       write(path, scene, replace, quiet, size);
     } catch (const Error& error) {
-      const bool came = !replace && std::filesystem::exists(path);
+      std::error_code ignored;
+      const bool came = !replace && std::filesystem::exists(path, ignored);
       if (came || !kept.empty()) throw;
       throw keepModel(path, whole(), error);
     }
   };
-  writeAfterTraining(path, replace, writeIt, [&] { return kept.empty() ? writeBeside(path, whole()) : kept; });
+  writeAfterTraining(path, replace, writeIt, [&] { return kept.empty() ? writeSomewhere(path, whole()) : kept; });
   std::string facts = "(" + std::to_string(storedBytes(format, path)) + " bytes";
   const bool rounded = !format.holds(kKeepsFloats) || coarse;
   if (rounded && isMeasuredUnasked(scene.model)) {

@@ -145,22 +145,18 @@ fs::path findMask(const fs::path& folder, const std::vector<std::string>& mask_f
   return {};
 }
 
-// Masks by name for the photographs that have none yet. Returns the folders in which they are looked for.
-std::vector<std::string> findMasks(const fs::path& folder, const std::string& images, DatasetIndex& index) {
+void findMasks(const fs::path& folder, const std::string& images, MaskMeaning meaning, DatasetIndex& index,
+               std::vector<std::string>& notes) {
   std::vector<std::string> mask_folders;
   for (const std::string& name :
        {images.starts_with("images_") ? "masks" + images.substr(6) : "", std::string("masks")}) {
     if (!name.empty() && isFolder(folder / name)) mask_folders.push_back(name);
   }
+  std::size_t masked = 0;
   for (DatasetIndex::Entry& entry : index.entries) {
     if (entry.mask.empty()) entry.mask = findMask(folder, mask_folders, entry);
+    masked += !entry.mask.empty();
   }
-  return mask_folders;
-}
-
-void noteMasks(const DatasetIndex& index, MaskMeaning meaning, const std::vector<std::string>& mask_folders,
-               std::vector<std::string>& notes) {
-  const auto masked = std::ranges::count_if(index.entries, [](const auto& entry) { return !entry.mask.empty(); });
   if (masked > 0) {
     notes.push_back(std::to_string(masked) + " of " + std::to_string(index.entries.size()) +
                     " photographs have a mask: pixels where it is 0 are " +
@@ -173,25 +169,32 @@ void noteMasks(const DatasetIndex& index, MaskMeaning meaning, const std::vector
 }
 
 // Photographs of which every pixel is hidden show nothing: a film with masks of something that comes late has them.
-void leaveOutHidden(const fs::path& place, int downscale, DatasetIndex& index, std::vector<std::string>& notes) {
+// Undistorting moves pixels: then only masks of nothing but zeros.
+void leaveOutHidden(const fs::path& place, bool only_test, int downscale, DatasetIndex& index,
+                    std::vector<std::string>& notes) {
   std::vector<std::uint8_t> hidden(index.entries.size(), 0);
   parallelFor(hidden.size(), 1, [&](std::size_t i) {
-    const fs::path& mask = index.entries[i].mask;
-    hidden[i] = !mask.empty() && hidesAll(mask, downscale);
+    const DatasetIndex::Entry& entry = index.entries[i];
+    hidden[i] = !entry.mask.empty() && hidesAll(entry.mask, entry.lens.isPinhole() ? downscale : 1);
   });
   const auto first = std::ranges::find(hidden, 1);
   if (first == hidden.end()) return;
   const std::string name = index.entries[static_cast<std::size_t>(first - hidden.begin())].image.filename().string();
   std::vector<DatasetIndex::Entry> shown;
+  std::size_t held_out = 0;
   for (std::size_t i = 0; i < hidden.size(); ++i) {
+    held_out += hidden[i] != 0 && index.entries[i].camera.test;
     if (hidden[i] == 0) shown.push_back(std::move(index.entries[i]));
   }
   index.entries = std::move(shown);
-  if (index.entries.empty()) {
-    throw Error(ErrorKind::badData, place.string(), "masks hide every pixel of all photographs (0 hides)");
+  if (index.entries.empty() || (!only_test && index.entries.front().camera.test)) {
+    throw Error(
+        ErrorKind::badData, place.string(),
+        std::string("masks hide every pixel of the ") + (only_test ? "test" : "training") + " photographs (0 hides)");
   }
   notes.push_back(std::to_string(hidden.size() - index.entries.size()) + " of " + std::to_string(hidden.size()) +
-                  " photographs are left out: their masks hide every pixel (the first: " + name + ")");
+                  " photographs, " + std::to_string(held_out) +
+                  " of them held out, are left out: their masks hide every pixel (the first: " + name + ")");
 }
 
 PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std::vector<std::string>& notes) {
@@ -431,9 +434,6 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
                                   first_missing + " and others; --image-folder names another folder)");
   }
 
-  const std::vector<std::string> mask_folders = findMasks(folder, images, index);
-  if (options.masks == MaskMeaning::hidden) leaveOutHidden(place, downscale, index, dataset.notes);
-
   if (block) requireListed(place, folder, *block, index);
   std::stable_sort(index.entries.begin(), index.entries.end(),
                    [](const auto& a, const auto& b) { return a.camera.name < b.camera.name; });
@@ -460,7 +460,11 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   if (options.only_test) {
     std::erase_if(index.entries, [&](const DatasetIndex::Entry& e) { return e.camera.test != *options.only_test; });
   }
-  noteMasks(index, options.masks, mask_folders, dataset.notes);
+  findMasks(folder, images, options.masks, index, dataset.notes);
+  // After views were held out: which these are is the same for every size and meaning of masks.
+  if (options.masks == MaskMeaning::hidden) {
+    leaveOutHidden(place, options.only_test.value_or(false), downscale, index, dataset.notes);
+  }
   loadPhotographs(index, downscale, options, dataset);
   return dataset;
 }

@@ -135,6 +135,7 @@ export class TexturedGaussiansElement extends HTMLElement {
       makeRoom();
       if (this.viewer) {
         await this.viewer.resume();
+        if (this.model) this.apply([]);
       } else {
         this.viewer = new Viewer(this.canvas);
         this.viewer.onError = (error) => this.fail(error);

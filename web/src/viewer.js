@@ -407,11 +407,8 @@ export class Viewer {
     if (this.splats) this.splats.dispose();
     this.splats = null;
     this.goOn();
-    if (this.uploads > 0) {
-      await this.uploaded;
-    } else if (this.model && await this.take(this.model, this.orbit)) {
-      this.changed();
-    }
+    if (this.uploads > 0) await this.uploaded;
+    if (!this.splats && this.model && await this.take(this.model, this.orbit)) this.changed();
   }
 
   goOn() {
@@ -455,8 +452,8 @@ export class Viewer {
         this.device.restoreContext();
       });
     }
+    this.lost = null;  // what is lost from here on is given back to restore()
     await this.restore();
-    this.lost = null;
     this.changed();
   }
 

@@ -110,6 +110,7 @@ class ModelView {
     this.panel = new Panel(this.viewer, '');
     this.panel.open(false);
     this.number = 0;
+    this.failed = {number: 0, why: null};  // a model that cannot be shown
     const label = document.createElement('label');
     this.follow = Object.assign(document.createElement('input'), {type: 'checkbox', checked: true, id: 'follow'});
     label.append(this.follow, ' new models as they come');
@@ -123,12 +124,19 @@ class ModelView {
   async update(number, title) {
     const wanted = this.number === 0 || this.follow.checked;
     if (number === this.number || number === 0 || !wanted) return;
-    const read = await readModel(new Uint8Array(await (await ask('model.glb')).arrayBuffer()));
-    if (this.number === 0) {
-      await this.viewer.open(read);
-      this.viewer.applyWhatCan(Object.fromEntries(new URLSearchParams(location.hash.slice(1))));
-    } else {
-      await this.viewer.replace(read);
+    if (number === this.failed.number) throw this.failed.why;
+    const bytes = new Uint8Array(await (await ask('model.glb')).arrayBuffer());
+    try {
+      const read = await readModel(bytes);
+      if (this.number === 0) {
+        await this.viewer.open(read);
+        this.viewer.applyWhatCan(Object.fromEntries(new URLSearchParams(location.hash.slice(1))));
+      } else {
+        await this.viewer.replace(read);
+      }
+    } catch (why) {
+      this.failed = {number, why};
+      throw why;
     }
     this.number = number;
     this.panel.name = title;
@@ -182,6 +190,8 @@ async function startLive() {
         say(`No answer since ${duration((performance.now() - answered) / 1000)}: ${failed.message}`);
       } else if (failed && failed.message.includes('token')) {
         say(failed.message);
+      } else if (trouble && trouble === model.failed.why) {
+        say(trouble.message);
       } else if (!failed) {
         say('');
       }

@@ -183,13 +183,13 @@ TEST_CASE("photographs of which a mask hides every pixel are left out", "[datase
   CHECK(dataset.views[0].name == "c.png");
   CHECK(dataset.views[1].name == "a.png");
   CHECK(dataset.views[1].test);
-  CHECK_THAT(dataset.notes.front(),
-             Contains("1 of 3 photographs are left out: their masks hide every pixel (the first: b.png)"));
+  CHECK_THAT(dataset.notes.back(), Contains("1 of 3 photographs, 0 of them held out, are left out: their masks hide "
+                                            "every pixel (the first: b.png)"));
   DatasetOptions object;
   object.masks = tg::MaskMeaning::background;
   CHECK(loadDataset(folder.path, object).views.size() == 3);
 
-  // The others are split, whatever was left out; a pixel that no box of the reduced picture is full of is none.
+  // A pixel that no box of the reduced picture is full of is none; a.png is held out at any size.
   tg::Image dot(16, 12, 1);
   dot.at(5, 5, 0) = 1.0f;
   tg::writeImage(folder / "masks/a.png", dot);
@@ -200,7 +200,9 @@ TEST_CASE("photographs of which a mask hides every pixel are left out", "[datase
   REQUIRE(alone.views.size() == 1);
   CHECK(alone.views[0].name == "c.png");
   CHECK_FALSE(alone.views[0].test);
+  CHECK_THAT(alone.notes.back(), Contains("2 of 3 photographs, 1 of them held out, are left out"));
+  half.only_test = true;
+  CHECK_THAT(refusal(folder.path, half), Contains("masks hide every pixel of the test photographs"));
   tg::writeImage(folder / "masks/c.png", tg::Image(16, 12, 1));
-  tg::writeImage(folder / "masks/a.png", tg::Image(16, 12, 1));
-  CHECK_THAT(refusal(folder.path), Contains("masks hide every pixel of all photographs"));
+  CHECK_THAT(refusal(folder.path), Contains("masks hide every pixel of the training photographs"));
 }
