@@ -412,8 +412,7 @@ def report(folder, page, picture):
         Text(f"{len(found)} of {len(cells())} cells are done. Photographs are at half size, those of -full scenes "
              "at their own (lego 400 x 400, fox 270 x 480, printshop 400 x 400). sample is the scene that "
              "`tgtrain make-sample` writes. Seeds beyond the first, and -full scenes, are of SH degree 1 and not of "
-             "every arm. One cell "
-             "again:"),
+             "every arm. One cell again:"),
         Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
         Heading("With textures against without, over the whole range"),
         Text("Bjontegaard's differences between the two hulls, integrated exactly between their corners: PSNR gained "
@@ -451,10 +450,9 @@ def report(folder, page, picture):
                      prices(found)),
                Heading("A frame at equal PSNR"),
                Text("Processor milliseconds a frame of the CPU renderer, from the first camera, with "
-                    f"{FRAME_SCALE} times as many pixels a side as the photographs have at half size; models before they "
-                    "are cut. "
-                    "Plain: of as many Gaussians without textures as come to the same PSNR, between the counts that "
-                    "are there. Mean over seeds, the difference +- twice its standard error."),
+                    f"{FRAME_SCALE} times as many pixels a side as the photographs have at half size; models before "
+                    "they are cut. Plain: of as many Gaussians without textures as come to the same PSNR, between the "
+                    "counts that are there. Mean over seeds, the difference +- twice its standard error."),
                Table(["scene", "with textures", "seeds", "PSNR", "ms", "plain", "difference [%]"],
                      frame_times(found, frames_in(folder))),
                Heading("Every cell"),

@@ -95,7 +95,8 @@ void writeAfterTraining(const std::string& path, bool replace, const std::functi
     const KeepExisting no_other_run(!replace);
     write();
   } catch (const Error&) {
-    if (replace || !std::filesystem::exists(path)) throw;
+    std::error_code ignored;
+    if (replace || !std::filesystem::exists(path, ignored)) throw;
     throw Error(ErrorKind::cannotWrite, path,
                 "came while the model was trained, which is kept as " + keep() + " (--overwrite replaces it)");
   }

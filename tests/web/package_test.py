@@ -219,6 +219,20 @@ def show_many(browser, address, references):
     fetched = [url for url in browser.requests[before:] if "scene" in url]
     expect("one taken out and put in again goes on, without a download", again == [True, True] and not fetched,
            [again, fetched])
+    woken = browser.evaluate("""(async ([element]) => {
+        element.sleep();
+        await new Promise((done) => setTimeout(done, 300));
+        const {gl} = element.viewer.renderer, {createTexture} = gl;
+        gl.createTexture = () => {
+          gl.createTexture = createTexture;
+          element.viewer.device.loseContext();
+          setTimeout(() => element.viewer.device.restoreContext(), 200);
+          return createTexture.call(gl);
+        };
+        const waits = new Promise((done) => setTimeout(done, 20000, 'waits'));
+        return Promise.race([element.wake().then(() => element.viewer.splats !== null), waits]);
+    })(elements)""")
+    expect("a device that is lost while one wakes is given back to it", woken is True, woken)
     browser.evaluate(f"elements[0].viewer.setSize('{SIDE}x{SIDE}')")
     compare(browser, "element, after it gave its context back", from_data_url(browser.evaluate("elements[0].picture()")),
             references["scene.glb", 36])

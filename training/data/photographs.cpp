@@ -49,7 +49,7 @@ bool counts(const Image& mask, int x, int y) {
 
 // Of a picture of width x height, whose mask is the image. Zero is masked, as COLMAP and nerfstudio have it: a mask of
 // 0 and 1 works as well as one of 0 and 255.
-std::vector<std::uint8_t> reducedMask(const Image& image, int width, int height, int downscale) {
+std::vector<std::uint8_t> maskOf(const Image& image, int width, int height, int downscale) {
   const int columns = width / downscale;
   const int rows = height / downscale;
   std::vector<std::uint8_t> mask(static_cast<std::size_t>(columns) * rows, 255);
@@ -74,7 +74,7 @@ std::vector<std::uint8_t> readMask(const std::filesystem::path& file, int width,
                 "mask and image differ in size (expected " + sizeText(width, height) + " or an enlargement, found " +
                     sizeText(image.width, image.height) + ")");
   }
-  return reducedMask(image, width, height, downscale);
+  return maskOf(image, width, height, downscale);
 }
 
 // A pixel counts where its whole box does. Borders that do not fill a box are cut.
@@ -119,8 +119,8 @@ Image ViewPixels::image() const {
 bool hidesAll(const std::filesystem::path& mask, int downscale) {
   const Image image = readImage(mask);
   if (image.width < downscale || image.height < downscale) return false;
-  const std::vector<std::uint8_t> reduced = reducedMask(image, image.width, image.height, downscale);
-  return std::ranges::find(reduced, 255) == reduced.end();
+  const std::vector<std::uint8_t> own = maskOf(image, image.width, image.height, downscale);
+  return std::ranges::find(own, 255) == own.end();
 }
 
 Photograph decodePhotograph(const PhotographSource& source) {

@@ -83,6 +83,13 @@ std::vector<float> download(const cuda::Buffer<float>& from) {
   return to;
 }
 
+cuda::DeviceMoments onDevice(const Moments& moments) {
+  cuda::DeviceMoments device;
+  device.first.upload(moments.first);
+  device.second.upload(moments.second);
+  return device;
+}
+
 }  // namespace
 
 TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every border", "[checked]") {
@@ -120,11 +127,9 @@ TEST_CASE("CUDA's Adam moves parameters and moments as the CPU's does", "[checke
   forEachField([](const Field&, auto& v, const auto& values) { v.resize(values.size()); }, gradient, state.model);
   for (glm::vec3& v : gradient.sh) v = glm::vec3(random.normal(), random.normal(), random.normal());
   cuda::Buffer<float> value, v_value;
-  cuda::DeviceMoments moments;
   value.upload(state.model.sh);
   v_value.upload(gradient.sh);
-  moments.first.upload(state.moments.sh.first);
-  moments.second.upload(state.moments.sh.second);
+  const cuda::DeviceMoments moments = onDevice(state.moments.sh);
   const LearningRates rates;
   for (int step = 1; step <= 3; ++step) {
     adamStep(state, gradient, rates);
@@ -170,9 +175,7 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   for (float& second : state.moments.texels.second) second = static_cast<float>(1e-12 * random.uniform());
   cuda::DeviceModel device;
   device.upload(state.model);
-  cuda::DeviceMoments moments;
-  moments.first.upload(state.moments.texels.first);
-  moments.second.upload(state.moments.texels.second);
+  const cuda::DeviceMoments moments = onDevice(state.moments.texels);
   cuda::Buffer<std::uint32_t> counts, stop;
   counts.upload(tile_counts);
   stop.upload(std::vector<std::uint32_t>{1});
@@ -224,9 +227,7 @@ TEST_CASE("CUDA moves the textures of owners alone, whether these are drawn or n
   }
   cuda::DeviceModel device;
   device.upload(state.model);
-  cuda::DeviceMoments moments;
-  moments.first.upload(state.moments.texels.first);
-  moments.second.upload(state.moments.texels.second);
+  const cuda::DeviceMoments moments = onDevice(state.moments.texels);
   cuda::Buffer<std::uint32_t> counts, moved;
   counts.upload(drawn);
   moved.upload(owners);

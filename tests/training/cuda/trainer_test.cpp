@@ -49,15 +49,19 @@ double difference(const GaussianModel& a, const GaussianModel& b) {
   return std::sqrt(distance / size);
 }
 
+// By the CPU and with CUDA.
+struct Both {
+  TrainResult expected, found;
+};
+Both trainBoth(const Dataset& dataset, const TrainSettings& settings) {
+  return {train(dataset, settings, *makeCpuDifferentiableRenderer()),
+          train(dataset, settings, *makeCudaDifferentiableRenderer())};
+}
+
 }  // namespace
 
 TEST_CASE("100 iterations with CUDA end where the CPU's do") {
-  const Dataset dataset = smallDataset();
-  const TrainSettings settings = run(50, 50);
-  const auto cpu = makeCpuDifferentiableRenderer();
-  const auto cuda = makeCudaDifferentiableRenderer();
-  const TrainResult expected = train(dataset, settings, *cpu);
-  const TrainResult found = train(dataset, settings, *cuda);
+  const auto [expected, found] = trainBoth(smallDataset(), run(50, 50));
   // Adam divides by the gradient's own size: rounding of gradients near 0 moves their parameters by whole steps.
   CHECK(difference(found.model, expected.model) < 5e-3);
   CHECK(found.report.plain.loss == Approx(expected.report.plain.loss).epsilon(1e-3));
@@ -68,14 +72,10 @@ TEST_CASE("100 iterations with CUDA end where the CPU's do") {
 }
 
 TEST_CASE("textures are cut to fewer texels in a CUDA run as in one of the CPU") {
-  const Dataset dataset = smallDataset();
   TrainSettings settings = run(20, 20);
   settings.adaptive_texels = 4;
   settings.texture_size = 4;
-  const auto cpu = makeCpuDifferentiableRenderer();
-  const auto cuda = makeCudaDifferentiableRenderer();
-  const TrainResult expected = train(dataset, settings, *cpu);
-  const TrainResult found = train(dataset, settings, *cuda);
+  const auto [expected, found] = trainBoth(smallDataset(), settings);
   const std::size_t count = expected.model.size();
   REQUIRE(found.model.size() == count);
   CHECK(found.model.atlas.texels.size() <= 4 * count);
@@ -95,10 +95,7 @@ TEST_CASE("Gaussians share textures in a CUDA run as in one of the CPU, and it r
   TrainSettings settings = run(20, 40);
   settings.texture_dictionary = 4;
   settings.texture_size = 3;
-  const auto cpu = makeCpuDifferentiableRenderer();
-  const auto cuda = makeCudaDifferentiableRenderer();
-  const TrainResult expected = train(dataset, settings, *cpu);
-  const TrainResult found = train(dataset, settings, *cuda);
+  const auto [expected, found] = trainBoth(dataset, settings);
   const std::vector<std::uint32_t> groups = textureGroups(found.model.atlas);
   const std::vector<std::uint32_t> others = textureGroups(expected.model.atlas);
   std::size_t same = 0;  // what lies between two textures falls to either by the last bits
@@ -111,6 +108,7 @@ TEST_CASE("Gaussians share textures in a CUDA run as in one of the CPU, and it r
   REQUIRE((found.report.textured && expected.report.textured));
   CHECK(found.report.textured->loss == Approx(expected.report.textured->loss).epsilon(1e-2));
 
+  const auto cuda = makeCudaDifferentiableRenderer();
   Trainer whole(dataset, settings, *cuda);
   while (whole.stage() == Stage::plain || whole.state().iteration < 20) REQUIRE(whole.step());
   Trainer resumed(dataset, settings, *cuda, RunState(whole.state()));
