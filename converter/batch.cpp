@@ -15,6 +15,7 @@
 #include "converter/registry/file_format.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 
 namespace tg {
 namespace {
@@ -34,7 +35,8 @@ std::string stemOf(const std::filesystem::path& model) {
   std::size_t extension = model.extension().string().size();
   for (const Format& format : formats()) {
     const std::string ending = "." + std::string(format.name);
-    if (name.ends_with(ending) && name != ending) extension = std::max(extension, ending.size());
+    if (lowerCase(name).ends_with(ending) && name.size() > ending.size())
+      extension = std::max(extension, ending.size());
   }
   return name.substr(0, name.size() - extension);
 }

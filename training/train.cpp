@@ -444,7 +444,7 @@ int train(const TrainFlags& options, Processes* together) {
   if (run) {
     json = run->finish(trainer);
     json_options.total_seconds = run->seconds();
-    if (fs::path(options.output).extension() == ".tgz") {
+    if (!options.output.empty() && outputFormat(options.output).name == "tgz") {
       writeOutput(options.output, [&](bool replace) {
         writeAfterTraining(
             options.output, replace, [&] { copyFileAtomically(run->model(), options.output); },

@@ -59,7 +59,7 @@ void write(const std::string& path, const Bundle& scene, bool replace, bool quie
 
 // Under the first name beside `path` that is free, which it returns.
 std::string writeBeside(const std::string& path, const Bundle& scene) {
-  const bool bundle = std::filesystem::path(path).extension() == ".tgz";
+  const bool bundle = outputFormat(path).name == "tgz";
   const std::string stem = bundle ? path.substr(0, path.size() - 4) : path;
   const KeepExisting no_other_run;
   for (int number = bundle ? 2 : 1;; ++number) {

@@ -14,6 +14,7 @@
 #include "converter/lod/lod_scene.h"
 #include "converter/registry/file_format.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/program.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/follower.h"
@@ -196,13 +197,15 @@ constexpr auto namesOf(Task) {
                    "with --list-cameras", "with --serve");
 }
 
+bool isExr(const std::filesystem::path& path) { return lowerCase(path.extension().string()) == ".exr"; }
+
 Task taskOf(const Flags& flags) {
   const ViewOptions& view = flags.view;
   if (flags.list_cameras) return Task::cameraList;
   if (view.inspect) return Task::inspection;
   if (!view.out.empty()) {
     if (!view.compare.empty() || !view.photographs.empty()) return Task::comparison;
-    return view.out.extension() == ".exr" ? Task::numbers : Task::picture;
+    return isExr(view.out) ? Task::numbers : Task::picture;
   }
   if (view.benchmark) return flags.window ? Task::windowBenchmark : Task::benchmark;
   if (!view.serve.empty()) return Task::serving;
@@ -221,8 +224,8 @@ void refuseIdleSetting(const RenderSetting& setting, const Flags& flags, Task ta
   if (task == Task::window) return;
   const bool for_pictures =
       setting.name == "exposure" || setting.name == "gain" || setting.name == "colors" || setting.name == "range";
-  const bool no_picture = task == Task::numbers || task == Task::inspection ||
-                          (task == Task::recording && flags.view.record.extension() == ".exr");
+  const bool no_picture =
+      task == Task::numbers || task == Task::inspection || (task == Task::recording && isExr(flags.view.record));
   if (for_pictures && no_picture) refuseIdle(flag, task, "a picture");
   if (task == Task::inspection) return;
   const bool own_colors = task == Task::benchmark || task == Task::windowBenchmark;
@@ -303,7 +306,7 @@ void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
   refuseIf(view.legend && task == comparison && !hasLegend(view.compare_mode),
            "--legend: side and wipe have none (expected --compare-mode difference or flip with it)");
   refuseIf(
-      view.legend && task != comparison && (!legible || view.record.extension() == ".exr"),
+      view.legend && task != comparison && (!legible || isExr(view.record)),
       "--legend: there are no numbers to explain (expected a picture, and --show with one of texture, alpha, depth, "
       "count, depth-median, overdraw, texel-density)");
   refuseIf(app.count("--device") > 0 && view.backend == Backend::cpu,

@@ -16,6 +16,7 @@
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 
 namespace tg {
 namespace {
@@ -174,7 +175,9 @@ LodReader lodFolderReader(const std::filesystem::path& lod_meta) {
   };
 }
 
-bool isLodMeta(const std::filesystem::path& path) { return path.filename().string().ends_with(kLodMetaName); }
+bool isLodMeta(const std::filesystem::path& path) {
+  return lowerCase(path.filename().string()).ends_with(kLodMetaName);
+}
 
 LodScene parseLodScene(std::span<const std::uint8_t> json, const std::string& path) {
   LodScene scene;

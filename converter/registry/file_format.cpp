@@ -30,6 +30,7 @@
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 
 namespace tg {
 namespace {
@@ -338,7 +339,7 @@ FileStart readStart(const Path& path) {
 
 // Of what is written; of models alone where `read_again`.
 const Format& formatByName(const Path& path, bool read_again) {
-  const std::string name = path.filename().string();
+  const std::string name = lowerCase(path.filename().string());
   const Format* found = nullptr;
   std::vector<std::string> known;
   for (const Format& format : kFormats) {
@@ -400,7 +401,7 @@ const Format& detectFormat(const Path& path) {
     if (format.sniff && format.sniff(start)) return format;
   }
   for (const Format& format : kFormats) {
-    if (!format.sniff && format.read && path.extension() == extensionOf(format)) return format;
+    if (!format.sniff && format.read && lowerCase(path.extension().string()) == extensionOf(format)) return format;
   }
   throw Error(ErrorKind::badData, path.string(), "is no splat model (expected a " + listed(inputNames()) + " file)");
 }

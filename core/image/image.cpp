@@ -3,12 +3,12 @@
 #include "core/image/image.h"
 
 #include <algorithm>
-#include <cctype>
 
 #include "core/file/file.h"
 #include "core/image/codecs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/parallel.h"
 
 namespace tg {
@@ -66,11 +66,10 @@ Image readImage(const std::filesystem::path& path) {
 
 void writeImage(const std::filesystem::path& path, const Image& image) {
   checkWritable(image, path.string());
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = lowerCase(path.extension().string());
   if (extension == ".png") return writeFileAtomically(path, encodePng(image));
-  if (extension == ".jpg" || extension == ".jpeg") return writeFileAtomically(path, encodeJpeg(image, 95, path.string()));
+  if (extension == ".jpg" || extension == ".jpeg")
+    return writeFileAtomically(path, encodeJpeg(image, 95, path.string()));
   if (extension == ".exr") return writeFileAtomically(path, encodeExrPicture(image, path.string()));
   throw Error(ErrorKind::usage, path.string(),
               "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <fstream>
 #include <functional>
 #include <initializer_list>
@@ -20,6 +19,7 @@
 
 #include "core/file/file.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "training/data/dataset.h"
 #include "training/photos/ledger.h"
 
@@ -43,9 +43,7 @@ bool isHeifBrand(std::string_view brand) {
 }
 
 bool hasExtension(const fs::path& path, std::initializer_list<std::string_view> extensions) {
-  std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  return std::ranges::find(extensions, extension) != extensions.end();
+  return std::ranges::find(extensions, lowerCase(path.extension().string())) != extensions.end();
 }
 bool isFilmName(const fs::path& path) {
   return hasExtension(path, {".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mpg"});
@@ -183,10 +181,7 @@ bool isForPhotos(const fs::path& path) {
 std::vector<std::string> plainNames(const std::vector<fs::path>& photographs) {
   std::vector<std::string> names;
   std::set<std::string> taken;  // in lower case
-  const auto isNew = [&](std::string name) {
-    std::ranges::transform(name, name.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-    return taken.insert(name).second;
-  };
+  const auto isNew = [&](const std::string& name) { return taken.insert(lowerCase(name)).second; };
   for (const fs::path& photograph : photographs) {
     std::string plain = fs::path(photograph).replace_extension().string().substr(0, kLongestName);
     for (char& c : plain) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "render/visualize.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/picture/photographs.h"
@@ -51,7 +52,7 @@ std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& opti
 }  // namespace
 
 void compareToFile(const ViewOptions& options) {
-  const std::string extension = options.out.extension().string();
+  const std::string extension = lowerCase(options.out.extension().string());
   if (extension != ".png" && extension != ".jpg") {
     throw Error(ErrorKind::usage, options.out.string(),
                 "a comparison is a picture (expected .png or .jpg, found \"" + extension + "\")");

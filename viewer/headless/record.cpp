@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "core/system/lower_case.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/picture/frame_writer.h"
 #include "viewer/view/shot.h"
@@ -51,7 +52,7 @@ class Progress {
 
 void recordToFile(const ViewOptions& options) {
   const RecordTarget target = parseRecordTarget(options.record, "--output");
-  const bool numbers = target.path.extension() == ".exr";
+  const bool numbers = lowerCase(target.path.extension().string()) == ".exr";
   ViewedScene viewed(options, options.model);
   const Scene& scene = viewed.scene();
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);

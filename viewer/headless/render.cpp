@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "viewer/headless/renderer.h"
 #include "viewer/model/follower.h"
 #include "viewer/view/shot.h"
@@ -15,7 +16,7 @@ namespace {
 
 // Before any work: a wrong name must not cost a rendering. True for numbers, false for a picture.
 bool writesNumbers(const std::filesystem::path& path) {
-  const std::string extension = path.extension().string();
+  const std::string extension = lowerCase(path.extension().string());
   if (extension == ".exr") return true;
   if (extension == ".png" || extension == ".jpg") return false;
   throw Error(ErrorKind::usage, path.string(),

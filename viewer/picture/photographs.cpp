@@ -3,18 +3,17 @@
 #include "viewer/picture/photographs.h"
 
 #include <algorithm>
-#include <cctype>
 #include <tuple>
 #include <utility>
 
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 
 namespace tg {
 namespace {
 
 bool isPhotograph(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const std::string extension = lowerCase(path.extension().string());
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
 }
 

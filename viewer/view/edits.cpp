@@ -13,6 +13,7 @@
 #include "converter/registry/file_format.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 
 namespace tg {
 namespace {
@@ -200,7 +201,7 @@ bool holdsModel(const std::filesystem::path& file, const Scene& scene) {
       (format.holds(kKeepsSh) || scene.sh_degree == 0) && (format.holds(kKeepsCameras) || scene.cameras.empty())) {
     return true;
   }
-  return file.extension() == scene.path.extension();
+  return lowerCase(file.extension().string()) == lowerCase(scene.path.extension().string());
 }
 
 std::filesystem::path saveTarget(const ViewerState& state) {

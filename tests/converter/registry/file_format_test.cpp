@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 
+#include "converter/lod/lod_scene.h"
 #include "converter/scratch.h"
 #include "converter/splat_files.h"
 #include "core/file/file.h"
@@ -35,6 +36,15 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
   REQUIRE(detectFormat(scratch.write("b.ksplat", std::string(32, '\1'))).name == "ksplat");
   REQUIRE(detectFormat(scratch.write("b.glb", "PK\3\4")).name == "sog");
   REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))).name == "tgz");
+}
+
+TEST_CASE("a name's case says nothing of its format") {
+  const Scratch scratch;
+  REQUIRE(detectFormat(scratch.write("a.SPLAT", std::string(32, '\1'))).name == "splat");
+  REQUIRE(outputFormat("a.GLB").name == "glb");
+  REQUIRE(outputFormat("A.Compressed.PLY").name == "compressed.ply");
+  REQUIRE(modelFormat("LOD-meta.json").name == kLodMetaName);
+  REQUIRE(isLodMeta("LOD-meta.json"));
 }
 
 TEST_CASE("what is no readable file is refused with exit code 2") {
@@ -138,8 +148,7 @@ TEST_CASE("an intersection model that a file does not name is a warning, and no 
     for (const Format& format : formats()) {
       if (!format.write || !format.read) continue;
       CAPTURE(format.name, textured);
-      const std::filesystem::path path =
-          scratch.folder() / ((textured ? "a." : "b.") + std::string(format.name));
+      const std::filesystem::path path = scratch.folder() / ((textured ? "a." : "b.") + std::string(format.name));
       Written written;
       writeModel(format, path, source, {}, written);
       const bool warned = std::ranges::any_of(written.warnings, [](const std::string& warning) {
