@@ -212,7 +212,7 @@ void shareTextures(Bundle& loaded, const Edit& edit) {
     throw Error(ErrorKind::usage, "wrong value (expected 1 to " + std::to_string(kMostSharedTextures) + ")");
   }
   const std::vector<Camera> views = contributionViews(loaded.model, loaded.cameras);
-  tg::shareTextures(loaded.model, static_cast<std::size_t>(entries), blendWeights(loaded.model, views), 0);
+  tg::shareTextures(loaded.model, static_cast<std::size_t>(entries), blendWeights(loaded.model, views), kBitCost, 0);
 }
 
 void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model); }

@@ -22,7 +22,7 @@ namespace tg {
 namespace {
 
 constexpr std::size_t kMostFitted = 32768;  // Gaussians that k-means looks at
-constexpr int kRounds = 12;                 // of it
+constexpr int kRounds = 12;                 // of it, and as many more with a price on bits
 constexpr int kTurns = 8;
 
 // How a texture lies on its Gaussian: entry(i, j) = texture(a, b) with a = i or mirrored, b = j or mirrored, and then
@@ -61,9 +61,12 @@ void turnGaussian(GaussianModel& model, std::size_t i, Turn turn) {
   if (turn.exchange) std::swap(log_scale[a], log_scale[b]);
 }
 
+// Vector quantisation with a price on bits (Chou, Lookabaugh and Gray 1989, "Entropy-Constrained Vector Quantization",
+// section II): k-means in which a choice also costs what it takes to say it, by how many others make it.
 class KMeans {
  public:
-  KMeans(const GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed)
+  KMeans(const GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
+         std::uint64_t seed)
       : model_(model), side_(model.atlas.rects.front().width), texels_(static_cast<std::size_t>(side_) * side_) {
     for (int turn = 0; turn < kTurns; ++turn) turns_[turn] = texelsOf(turnOf(turn), side_);
     const std::vector<double> shares = texelShares(side_);
@@ -76,17 +79,21 @@ class KMeans {
     const double most = n > 0 ? *std::ranges::max_element(weights_) : 0.0;
     for (double& weight : weights_) weight = std::max(weight, most * 1e-9);  // what is not seen has a place, too
     entries_ = std::min(entries, fitted + 1);
+    entry_bits_.assign(entries_, 0.0);
     begin(seed);
+    for (int round = 0; round < kRounds; ++round) move();
+    if (bit_cost == 0.0 || fitted_.empty()) return;
+    bit_cost_ = bit_cost * meanChange();
     for (int round = 0; round < kRounds; ++round) move();
   }
 
-  struct Nearest {
+  struct Choice {
     std::uint32_t entry;
     int turn;
-    float distance;
+    double cost;
   };
-  Nearest nearest(std::size_t gaussian) const {
-    Nearest best{0, 0, std::numeric_limits<float>::infinity()};
+  Choice choose(std::size_t gaussian) const {
+    Choice best{0, 0, std::numeric_limits<double>::infinity()};
     std::vector<float> turned(length()), distances(entries_);
     for (int turn = 0; turn < kTurns; ++turn) {
       take(gaussian, turn, turned);
@@ -97,7 +104,8 @@ class KMeans {
         for (std::size_t k = 0; k < entries_; ++k) distances[k] += (own - column[k]) * (own - column[k]);
       }
       for (std::size_t k = 0; k < entries_; ++k) {
-        if (distances[k] < best.distance) best = {static_cast<std::uint32_t>(k), turn, distances[k]};
+        const double cost = weights_[gaussian] * distances[k] + bit_cost_ * (entry_bits_[k] + turn_bits_[turn]);
+        if (cost < best.cost) best = {static_cast<std::uint32_t>(k), turn, cost};
       }
     }
     return best;
@@ -124,12 +132,34 @@ class KMeans {
     for (std::size_t d = 0; d < length(); ++d) columns_[d * entries_ + entry] = values[d];
   }
 
+  // The texture that changes nothing, as take() would give it.
+  std::vector<float> neutral() const {
+    std::vector<float> values(length(), 0.0f);
+    for (std::size_t t = 0; t < texels_; ++t) values[4 * t + 3] = roots_[t];
+    return values;
+  }
+  static float distance(std::span<const float> a, std::span<const float> b) {
+    float sum = 0.0f;
+    for (std::size_t d = 0; d < a.size(); ++d) sum += (a[d] - b[d]) * (a[d] - b[d]);
+    return sum;
+  }
+  // Weighted: what textures change.
+  double meanChange() const {
+    const std::vector<float> none = neutral();
+    std::vector<float> own(length());
+    double sum = 0.0;
+    for (const std::uint32_t i : fitted_) {
+      take(i, 0, own);
+      sum += weights_[i] * distance(own, none);
+    }
+    return sum / static_cast<double>(fitted_.size());
+  }
+
   // k-means++: the next entry is a texture that is far from all before; the first one changes nothing.
   void begin(std::uint64_t seed) {
     Random random(seed);
     columns_.assign(length() * entries_, 0.0f);
-    std::vector<float> values(length());
-    for (std::size_t t = 0; t < texels_; ++t) values[4 * t + 3] = roots_[t];
+    std::vector<float> values = neutral();
     std::vector<double> far(fitted_.size(), std::numeric_limits<double>::infinity());
     for (std::size_t entry = 0; entry < entries_; ++entry) {
       if (entry > 0) {
@@ -145,24 +175,25 @@ class KMeans {
         std::vector<float> turned(length());
         for (int turn = 0; turn < kTurns; ++turn) {
           take(fitted_[k], turn, turned);
-          float distance = 0.0f;
-          for (std::size_t d = 0; d < length(); ++d) distance += (turned[d] - values[d]) * (turned[d] - values[d]);
-          far[k] = std::min(far[k], static_cast<double>(distance));
+          far[k] = std::min(far[k], static_cast<double>(distance(turned, values)));
         }
       });
     }
   }
 
-  // One of Lloyd's rounds. An entry that nobody is nearest to stays where it is.
+  // One of Lloyd's rounds. An entry that nobody chooses stays where it is.
   void move() {
-    std::vector<Nearest> found(fitted_.size());
-    parallelFor(static_cast<std::int64_t>(found.size()), 16, [&](std::int64_t k) { found[k] = nearest(fitted_[k]); });
-    std::vector<double> sums(length() * entries_, 0.0), weights(entries_, 0.0);
+    std::vector<Choice> found(fitted_.size());
+    parallelFor(static_cast<std::int64_t>(found.size()), 16, [&](std::int64_t k) { found[k] = choose(fitted_[k]); });
+    std::vector<double> sums(length() * entries_, 0.0), weights(entries_, 0.0), users(entries_, 0.0);
+    std::array<double, kTurns> turned_so{};
     std::vector<float> turned(length());
     for (std::size_t k = 0; k < found.size(); ++k) {
       const double weight = weights_[fitted_[k]];
       take(fitted_[k], found[k].turn, turned);
       weights[found[k].entry] += weight;
+      users[found[k].entry] += 1.0;
+      turned_so[found[k].turn] += 1.0;
       for (std::size_t d = 0; d < length(); ++d) sums[d * entries_ + found[k].entry] += weight * turned[d];
     }
     for (std::size_t d = 0; d < length(); ++d) {
@@ -170,6 +201,10 @@ class KMeans {
         if (weights[k] > 0.0) columns_[d * entries_ + k] = static_cast<float>(sums[d * entries_ + k] / weights[k]);
       }
     }
+    // With half a user more, or what nobody chose would never be chosen again.
+    const auto bits = [&](double part) { return std::log2((static_cast<double>(found.size()) + 0.5) / (part + 0.5)); };
+    for (std::size_t k = 0; k < entries_; ++k) entry_bits_[k] = bits(users[k]);
+    for (int turn = 0; turn < kTurns; ++turn) turn_bits_[turn] = bits(turned_so[turn]);
   }
 
   const GaussianModel& model_;
@@ -180,6 +215,9 @@ class KMeans {
   std::vector<std::uint32_t> fitted_;
   std::vector<double> weights_;
   std::vector<float> columns_;  // [length, entries], times the roots
+  double bit_cost_ = 0.0;
+  std::vector<double> entry_bits_;  // that say a choice, after the last round
+  std::array<double, kTurns> turn_bits_{};
 };
 
 // textureGroups() of the first n Gaussians.
@@ -269,9 +307,11 @@ std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
   return heldOnce(atlas, groups);
 }
 
-void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed) {
+void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
+                   std::uint64_t seed) {
   TG_ASSERT(entries > 0 && entries <= kMostSharedTextures, "a number of textures that Gaussians can share");
   TG_ASSERT(weights.size() == model.size(), "a weight a Gaussian");
+  TG_ASSERT(bit_cost >= 0.0, "bits that cost something, or nothing");
   if (model.atlas.rects.empty()) return;
   const TextureRect size = model.atlas.rects.front();
   for (const TextureRect& rect : model.atlas.rects) {
@@ -280,10 +320,10 @@ void shareTextures(GaussianModel& model, std::size_t entries, std::span<const do
                                       std::to_string(size.width) + " x " + std::to_string(size.height) + " and " +
                                       std::to_string(rect.width) + " x " + std::to_string(rect.height) + " texels)");
   }
-  const KMeans dictionary(model, entries, weights, seed);
-  std::vector<KMeans::Nearest> found(model.size());
+  const KMeans dictionary(model, entries, weights, bit_cost, seed);
+  std::vector<KMeans::Choice> found(model.size());
   parallelFor(static_cast<std::int64_t>(found.size()), 16,
-              [&](std::int64_t i) { found[i] = dictionary.nearest(static_cast<std::size_t>(i)); });
+              [&](std::int64_t i) { found[i] = dictionary.choose(static_cast<std::size_t>(i)); });
   for (std::size_t i = 0; i < found.size(); ++i) {
     glm::vec4* texels = model.atlas.texels.data() + model.atlas.rects[i].offset;
     for (std::size_t t = 0; t < dictionary.texelCount(); ++t) texels[t] = dictionary.texel(found[i].entry, t);

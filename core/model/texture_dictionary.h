@@ -12,6 +12,8 @@
 namespace tg {
 
 constexpr std::size_t kMostSharedTextures = 65536;  // textures that a model's Gaussians share
+// shareTextures()'s for files (docs/lab/quality.md, "Textures that Gaussians share").
+constexpr double kBitCost = 0.03;
 
 // [N] The same number for Gaussians whose textures are equal in size and every texel, from 0 in the order of the first
 // Gaussian of each; those without a texture have one of their own.
@@ -31,8 +33,11 @@ std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas);
 // Leaves at most `entries` (1 to kMostSharedTextures) different textures, by k-means over those that there are: squared
 // distances weighted with each texel's share in a texture's mean (core/model/atlas.h) and with [N] `weights` >= 0 of
 // the Gaussians. A texture lies on its Gaussian in eight ways, by the signs and the order of its axes, which change
-// nothing else: Gaussians are turned to the way that is nearest. The same seed gives the same result, with any number
-// of threads. Throws Error(usage) for textures that are not squares of one size; none at all are left as they are.
-void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, std::uint64_t seed);
+// nothing else: Gaussians are turned to the way that is nearest. `bit_cost` >= 0: each bit that a file needs to say
+// which texture a Gaussian has and how it lies, by how many others have the same, counts as that part of what a texture
+// changes in the mean of all Gaussians. The same seed gives the same result, with any number of threads. Throws
+// Error(usage) for textures that are not squares of one size; none at all are left as they are.
+void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
+                   std::uint64_t seed);
 
 }  // namespace tg

@@ -19,6 +19,7 @@ constexpr double kFileBytes = 3000;                                         // n
 constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
 constexpr double kTexelBytes = 1.25;
 constexpr double kSharedTexelBytes = 1.7;  // of 8 x 8
+constexpr double kChoiceBytes = 0.4;       // a Gaussian's: which texture it has, and how it lies
 // How many textures are shared, and which part of a file they may take for that (docs/frontier.md).
 constexpr std::array<std::pair<int, double>, 2> kShared = {{{256, 0.1}, {64, 0.2}}};
 constexpr double kMostTexels = 8;        // a Gaussian
@@ -53,7 +54,7 @@ int planSharedTextures(std::uint64_t bytes, double part, int side) {
 
 SizePlan planForDictionary(std::uint64_t bytes, double part, int sh_degree, int textures, int side) {
   TG_ASSERT(textures > 0 && side > 0, "textures to share");
-  const double each = bytesOfGaussian(sh_degree) + std::log2(textures) / 8;
+  const double each = bytesOfGaussian(sh_degree) + kChoiceBytes;
   const double room = roomFor(bytes, part, each, kFileBytes + kSharedTexelBytes * textures * side * side);
   return {std::min(static_cast<std::size_t>(room / each), kMostGaussians), 0};
 }

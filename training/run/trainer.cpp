@@ -279,7 +279,7 @@ void Trainer::shareTextures() {
   engine_->stateChanged();
   GaussianModel& model = state_.training.model;
   const auto entries = static_cast<std::size_t>(settings_.texture_dictionary);
-  tg::shareTextures(model, entries, seenWeights(), stream(settings_.seed, Stream::dictionary).bits());
+  tg::shareTextures(model, entries, seenWeights(), kBitCost, stream(settings_.seed, Stream::dictionary).bits());
   resetMoments(state_.training);
   texture_groups_.reset();
 }

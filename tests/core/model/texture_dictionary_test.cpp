@@ -3,6 +3,7 @@
 #include "core/model/texture_dictionary.h"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/gtc/quaternion.hpp>
 
 #include "core/system/parallel.h"
@@ -107,7 +108,7 @@ TEST_CASE("textures that are one another turned become one, and every Gaussian s
     }
   }
   GaussianModel shared = model;
-  shareTextures(shared, 2, std::vector<double>(model.size(), 1.0), 1);
+  shareTextures(shared, 2, std::vector<double>(model.size(), 1.0), 0.0, 1);
   const std::vector<std::uint32_t> groups = textureGroups(shared.atlas);
   CHECK(std::ranges::all_of(groups, [&](std::uint32_t group) { return group == groups[0]; }));
   Random random(9);
@@ -129,7 +130,7 @@ TEST_CASE("no more textures are left than were asked for, those that weigh most 
   std::vector<double> weights(model.size(), 1e-3);
   for (std::size_t i = 0; i < 4; ++i) weights[i] = 1e3;
   const GaussianModel before = model;
-  shareTextures(model, 16, weights, 7);
+  shareTextures(model, 16, weights, 0.0, 7);
   const std::vector<std::uint32_t> groups = textureGroups(model.atlas);
   CHECK(*std::ranges::max_element(groups) < 16);
   CHECK(areShared(groups));
@@ -148,13 +149,39 @@ TEST_CASE("no more textures are left than were asked for, those that weigh most 
   SECTION("the same seed gives the same textures, with any number of threads") {
     GaussianModel again = before;
     setThreadCount(1);
-    shareTextures(again, 16, weights, 7);
+    shareTextures(again, 16, weights, 0.0, 7);
     setThreadCount(0);
     CHECK(again.atlas == model.atlas);
     CHECK(again.rotation == model.rotation);
     GaussianModel other = before;
-    shareTextures(other, 16, weights, 8);
+    shareTextures(other, 16, weights, 0.0, 8);
     CHECK_FALSE(other.atlas == model.atlas);
+  }
+}
+
+TEST_CASE("a price on bits leaves choices that are told in fewer, and what weighs most its texture", "[textures]") {
+  const GaussianModel model = texturedModel(400, 2, 8);
+  std::vector<double> weights(model.size(), 1e-2);
+  for (std::size_t i = 0; i < 12; ++i) weights[i] = 1.0;
+  const auto shared = [&](double bit_cost) {
+    GaussianModel copy = model;
+    shareTextures(copy, 16, weights, bit_cost, 3);
+    return copy;
+  };
+  const auto bits = [](const GaussianModel& of) {  // of a choice, in the mean
+    const std::vector<std::uint32_t> groups = textureGroups(of.atlas);
+    std::vector<double> users(firstOfGroups(groups).size());
+    for (const std::uint32_t group : groups) users[group] += 1.0;
+    double sum = 0;
+    for (const double n : users) sum += n * std::log2(static_cast<double>(groups.size()) / n);
+    return sum / static_cast<double>(groups.size());
+  };
+  const GaussianModel free = shared(0), priced = shared(0.03), dear = shared(100);
+  CHECK(bits(priced) < 0.5 * bits(free));
+  CHECK(bits(dear) == 0);
+  for (std::size_t i = 0; i < 12; ++i) {
+    const auto texel = [&](const GaussianModel& of) { return of.atlas.texels[of.atlas.rects[i].offset]; };
+    CHECK(glm::length(texel(priced) - texel(free)) < 0.2f);
   }
 }
 
@@ -162,18 +189,18 @@ TEST_CASE("only squares of one size can be shared", "[textures]") {
   GaussianModel model = texturedModel(3, 2, 6);
   const std::vector<double> weights(model.size(), 1.0);
   model.atlas.rects[1] = {model.atlas.rects[1].offset, 2, 1};
-  CHECK_THROWS_WITH(shareTextures(model, 2, weights, 1), Contains("(found 2 x 2 and 2 x 1 texels)"));
+  CHECK_THROWS_WITH(shareTextures(model, 2, weights, 0.0, 1), Contains("(found 2 x 2 and 2 x 1 texels)"));
   model.atlas.rects[1] = {};
-  CHECK_THROWS_WITH(shareTextures(model, 2, weights, 1), Contains("(found 2 x 2 and 0 x 0 texels)"));
+  CHECK_THROWS_WITH(shareTextures(model, 2, weights, 0.0, 1), Contains("(found 2 x 2 and 0 x 0 texels)"));
   model.atlas = {};
-  shareTextures(model, 2, weights, 1);
+  shareTextures(model, 2, weights, 0.0, 1);
   CHECK(model.atlas.rects.empty());
 }
 
 TEST_CASE("more textures than there are different ones change nothing", "[textures]") {
   GaussianModel model = texturedModel(20, 2, 6);
   const GaussianModel before = model;
-  shareTextures(model, 1000, std::vector<double>(model.size(), 1.0), 7);
+  shareTextures(model, 1000, std::vector<double>(model.size(), 1.0), 0.0, 7);
   for (std::size_t t = 0; t < model.atlas.texels.size(); ++t) {
     CHECK(glm::length(model.atlas.texels[t] - before.atlas.texels[t]) < 1e-5f);
   }
