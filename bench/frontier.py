@@ -41,9 +41,10 @@ COUNTS = {"sample": [850, 1700, 3400, 6800, 13600], "fox": [850, 1700, 3400, 680
           "printshop": [950, 1900, 3800, 7600, 15200, 30400], "fox-full": [6800, 13600, 27200],
           "lego-full": [5000, 10000, 20000, 40000], "printshop-full": [7600, 15200, 30400]}
 DEGREES = [1, 0, 3]
-ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8", "shared4-64", "shared4-256", "shared8-64", "shared8-256"]
+ARMS = ["plain", "rgba-8", "rgba-4", "rgba-2", "alpha-8", "shared4-64", "shared4-256", "shared8-16", "shared8-64",
+        "shared8-256"]
 SEEDS = [1, 2, 3]
-REPEATED = ["plain", "rgba-4", "rgba-2", *ARMS[-4:]]  # at degree 1, what seeds beyond the first have
+REPEATED = ["plain", "rgba-4", "rgba-2", *ARMS[-5:]]  # at degree 1, what seeds beyond the first have
 SIZES = [25, 50, 100, 200, 400, 800]  # [kB] of the table by size
 STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
