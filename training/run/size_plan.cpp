@@ -21,7 +21,7 @@ constexpr double kTexelBytes = 1.25;
 constexpr double kSharedTexelBytes = 1.7;  // of 8 x 8
 constexpr double kChoiceBytes = 0.4;       // a Gaussian's: which texture it has, and how it lies
 // How many textures are shared, and which part of a file they may take for that (docs/frontier.md).
-constexpr std::array<std::pair<int, double>, 2> kShared = {{{256, 0.1}, {64, 0.2}}};
+constexpr std::array<std::pair<int, double>, 3> kShared = {{{256, 0.1}, {64, 0.2}, {16, 0.2}}};
 constexpr double kMostTexels = 8;        // a Gaussian
 constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes

@@ -30,12 +30,14 @@ TEST_CASE("a plan has texels where the training views have pixels for them, and 
 }
 
 TEST_CASE("a plan has shared textures where they are a small part of the file", "[size plan]") {
-  CHECK(tg::planSharedTextures(30'000, 1, 8) == 0);
+  CHECK(tg::planSharedTextures(8'000, 1, 8) == 0);
+  CHECK(tg::planSharedTextures(30'000, 1, 8) == 16);
   CHECK(tg::planSharedTextures(60'000, 1, 8) == 64);
-  CHECK(tg::planSharedTextures(60'000, 2, 8) == 0);
+  CHECK(tg::planSharedTextures(60'000, 2, 8) == 16);
   CHECK(tg::planSharedTextures(300'000, 1, 8) == 256);
   CHECK(tg::planSharedTextures(300'000, 1, 16) == 64);
-  CHECK(tg::planSharedTextures(300'000, 1, 32) == 0);
+  CHECK(tg::planSharedTextures(300'000, 1, 32) == 16);
+  CHECK(tg::planSharedTextures(100'000, 1, 32) == 0);
   const tg::SizePlan shared = tg::planForDictionary(200'000, 1, 1, 256, tg::kPlannedTextureSize);
   const tg::SizePlan plain = planForSize(200'000, 1, 1'000'000, 1, TextureMode::none);
   CHECK(shared.gaussians < plain.gaussians);
