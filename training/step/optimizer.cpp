@@ -3,8 +3,10 @@
 #include "training/step/optimizer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
@@ -15,6 +17,7 @@ namespace {
 
 constexpr std::int64_t kChunk = 4096;     // rows a task
 constexpr std::size_t kUniformLane = 16;  // row length for blocks with one rate
+constexpr std::int64_t kGaussians = 256;  // a task
 
 // rates: [lane], the learning rate of each position in a row.
 TG_SIMD_CLONES void adamRow(float* __restrict value, const float* __restrict gradient, float* __restrict first,
@@ -47,6 +50,32 @@ std::span<const float> floats(const std::vector<T>& values) {
   return {reinterpret_cast<const float*>(values.data()), values.size() * (sizeof(T) / sizeof(float))};
 }
 
+struct TexelStep {
+  std::vector<glm::vec4>& texels;
+  const std::vector<glm::vec4>& gradient;
+  Moments& moments;
+  const LearningRates& rates;
+  AdamScales scales;
+};
+
+void moveTexels(const TexelStep& step, std::int64_t begin, std::int64_t end) {
+  std::array<float, kUniformLane> rates;
+  rates.fill(step.rates.texels);
+  for (auto at = static_cast<std::size_t>(4 * begin); at < static_cast<std::size_t>(4 * end); at += kUniformLane) {
+    adamRow(floats(step.texels).data() + at, floats(step.gradient).data() + at, step.moments.first.data() + at,
+            step.moments.second.data() + at, rates.data(),
+            std::min(kUniformLane, static_cast<std::size_t>(4 * end) - at), step.scales);
+  }
+  const float decay = step.rates.texels * step.rates.texel_decay;
+  for (std::int64_t i = begin; i < end; ++i) {
+    glm::vec4& texel = step.texels[i];
+    if (decay > 0) {
+      for (int ch = 0; ch < 4; ++ch) texel[ch] = decayedTexel(texel[ch], static_cast<unsigned>(ch), decay);
+    }
+    texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+  }
+}
+
 }  // namespace
 
 double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations) {
@@ -63,7 +92,8 @@ AdamScales adamScales(std::int64_t step) {
           static_cast<float>(1 / std::sqrt(1 - std::pow(double{kBeta2}, t)))};
 }
 
-void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates) {
+void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates,
+              std::span<const std::uint32_t> texture_groups) {
   TG_ASSERT(momentsAgree(state), "moments have the model's size");
   forEachParameter(
       [](const Field&, const auto& values, const auto& slopes) {
@@ -78,15 +108,26 @@ void adamStep(TrainingState& state, const ModelGradient& gradient, const Learnin
     std::fill_n(lane.begin(), field.floats, rate.first);
     adamBlock(floats(value), floats(v_value), moments, lane, scales);
   };
-  if (model.texture_mode == TextureMode::none) return forEachField(move, model, gradient, state.moments, rates);
-  forEachParameter(move, model, gradient, state.moments, rates);
-  const float decay = rates.texels * rates.texel_decay;
-  for (glm::vec4& texel : model.atlas.texels) {
-    if (decay > 0) {
-      for (int ch = 0; ch < 4; ++ch) texel[ch] = decayedTexel(texel[ch], static_cast<unsigned>(ch), decay);
-    }
-    texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+  forEachField(move, model, gradient, state.moments, rates);
+  if (model.texture_mode == TextureMode::none) return;
+  const TexelStep step{model.atlas.texels, gradient.texels, state.moments.texels, rates, scales};
+  if (texture_groups.empty()) {
+    const auto count = static_cast<std::int64_t>(model.atlas.texels.size());
+    parallelFor((count + kChunk - 1) / kChunk, 1,
+                [&](std::int64_t chunk) { moveTexels(step, chunk * kChunk, std::min(count, (chunk + 1) * kChunk)); });
+    return;
   }
+  const std::vector<std::uint32_t> first = firstOfGroups(texture_groups);
+  const std::vector<TextureRect>& rects = model.atlas.rects;
+  parallelFor(static_cast<std::int64_t>(first.size()), 1, [&](std::int64_t group) {
+    const TextureRect& rect = rects[first[group]];
+    moveTexels(step, rect.offset, std::int64_t{rect.offset} + rect.texelCount());
+  });
+  glm::vec4* texels = model.atlas.texels.data();
+  parallelFor(static_cast<std::int64_t>(rects.size()), kGaussians, [&](std::int64_t i) {
+    const std::uint32_t owner = first[texture_groups[i]];
+    if (owner != i) std::copy_n(texels + rects[owner].offset, rects[i].texelCount(), texels + rects[i].offset);
+  });
 }
 
 bool momentsAgree(const TrainingState& state) {

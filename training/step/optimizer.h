@@ -52,9 +52,11 @@ double decayedRate(double first, double last, std::int64_t iteration, std::int64
 AdamScales adamScales(std::int64_t step);
 
 // Adam, beta 0.9 / 0.999, epsilon 1e-15, bias-corrected, on every parameter; texels then decay, and their alpha is
-// clamped to [0, 1].
+// clamped to [0, 1]. texture_groups: StepInput's; the texels of a group's first Gaussian are moved, by their gradient
+// and with their moments, and all of the group get them.
 // Moments must have the model's size (see resetMoments). Any thread count, same bytes.
-void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates);
+void adamStep(TrainingState& state, const ModelGradient& gradient, const LearningRates& rates,
+              std::span<const std::uint32_t> texture_groups = {});
 
 // Whether the moments have the model's size.
 bool momentsAgree(const TrainingState& state);

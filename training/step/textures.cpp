@@ -104,7 +104,6 @@ void sumOverGroups(const TextureAtlas& atlas, std::span<const std::uint32_t> gro
       const glm::vec4* from = gradient.data() + atlas.rects[i].offset;
       for (std::uint32_t t = 0; t < count; ++t) sum[t] += from[t];
     }
-    for (const std::uint32_t i : own.subspan(1)) std::copy_n(sum, count, gradient.data() + atlas.rects[i].offset);
   });
 }
 

@@ -26,8 +26,8 @@ std::vector<TextureRect> footprintRects(const GaussianModel& model, std::span<co
 // off the constant SH colour, so that only the rim beyond 3 sigma and clamped base colours change.
 void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMode mode, TextureInit init);
 
-// The gradient of textures that Gaussians share: groups: [N] textureGroups(). All of a group get the group's sum,
-// summed in the Gaussians' order, so that equal texels with equal moments stay equal.
+// The gradient of textures that Gaussians share: groups: [N] textureGroups(). The first Gaussian of each group gets the
+// sum of all of them, in the Gaussians' order; the others' is not to be used.
 void sumOverGroups(const TextureAtlas& atlas, std::span<const std::uint32_t> groups, std::vector<glm::vec4>& gradient);
 
 }  // namespace tg

@@ -29,7 +29,7 @@ void updateParameters(TrainingState& training, std::span<const float> min_sigma,
   if (!min_sigma.empty()) filterGradient(model, min_sigma, gradient);
   if (input.mcmc) addRegularizerGradient(model, input.opacity_weight, input.scale_weight, part.count, gradient);
   if (!input.texture_groups.empty()) sumOverGroups(model.atlas, input.texture_groups, gradient.texels);
-  adamStep(training, gradient, input.rates);
+  adamStep(training, gradient, input.rates, input.texture_groups);
   if (input.clamp_colors) clampColors(model.atlas.texels);
   if (input.mcmc) addExplorationNoise(model, input.noise, input.noise_seed, input.iteration, part.first);
   if (input.gather_statistics) statistics.add(gradient);
