@@ -188,6 +188,13 @@ def write(path, report):
     os.replace(partial, path)
 
 
+def of_others(found):
+    """What the report says of cells whose "note" names how they were made otherwise than they would be now."""
+    notes = [report["note"] for report in found.values() if "note" in report]
+    return "".join(f" {notes.count(note)} cells of shared textures are of {note}, not of what training does now "
+                   "([lab/quality.md](lab/quality.md#textures-that-gaussians-share))." for note in sorted(set(notes)))
+
+
 def training_of(model):
     return json.loads(subprocess.run(["tar", "xzOf", model, "training.json"], check=True, capture_output=True).stdout)
 
@@ -413,7 +420,7 @@ def report(folder, page, picture):
         Text(f"{len(found)} of {len(cells())} cells are done. Photographs are at half size, those of -full scenes "
              "at their own (lego 400 x 400, fox 270 x 480, printshop 400 x 400). sample is the scene that "
              "`tgtrain make-sample` writes. Seeds beyond the first, and -full scenes, are of SH degree 1 and not of "
-             "every arm. One cell again:"),
+             f"every arm.{of_others(found)} One cell again:"),
         Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
         Heading("With textures against without, over the whole range"),
         Text("Bjontegaard's differences between the two hulls, integrated exactly between their corners: PSNR gained "
