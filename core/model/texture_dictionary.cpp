@@ -77,7 +77,8 @@ class KMeans {
     for (std::size_t k = 0; k < fitted; ++k) fitted_.push_back(static_cast<std::uint32_t>(k * n / fitted));
     weights_.assign(weights.begin(), weights.end());
     const double most = n > 0 ? *std::ranges::max_element(weights_) : 0.0;
-    for (double& weight : weights_) weight = std::max(weight, most * 1e-9);  // what is not seen has a place, too
+    // What is not seen has a place, too, and all of them where nothing is.
+    for (double& weight : weights_) weight = most > 0.0 ? std::max(weight, most * 1e-9) : 1.0;
     entries_ = std::min(entries, fitted + 1);
     entry_bits_.assign(entries_, 0.0);
     begin(seed);
