@@ -28,6 +28,11 @@ constexpr int kOwnTextures = 1, kSharedTextures = 2;  // versions: a texture a G
 // How much coarser a texture may be than its texels' spreads, by how many Gaussians have it: the error of a step is
 // theirs all together.
 inline double sharedSpread(std::uint32_t members) { return 1.0 / std::sqrt(std::max(members, 1u)); }
+constexpr double kSharedReach = 1.0;  // that bytes of such a texture have at least, to either side of the neutral value
+// Of a texel's value, from the step of its channel and the texture's and the texel's spread.
+inline double texelStep(double step, double spread, bool shared) {
+  return shared ? std::max(step * spread, kSharedReach / 127) : step * spread;
+}
 // Texels of all Gaussians that share theirs: as many as an image of a texture a Gaussian could hold.
 constexpr std::uint64_t kMostHandedOut = std::uint64_t{1} << 28;
 constexpr int kMaxSide = 255;      // [texels]

@@ -212,7 +212,8 @@ class SogReader {
           const std::uint8_t* bytes = values.data.data() + 4 * at++;
           glm::vec4& texel = texels[rects[i].offset + t];
           for (int k = 0; k < 4; ++k) {
-            texel[k] = static_cast<float>((bytes[k] - sog::kNeutralByte) * steps[k == 3] * spread);
+            texel[k] =
+                static_cast<float>((bytes[k] - sog::kNeutralByte) * sog::texelStep(steps[k == 3], spread, shared));
           }
           texel.a = std::clamp(1.0f + texel.a, 0.0f, 1.0f);
         }

@@ -243,6 +243,8 @@ class SogWriter {
     std::vector<TextureRect> rects;     // of each
     std::vector<std::uint32_t> labels;  // [N] which one a Gaussian has; empty: its own
     std::vector<double> coarser;        // how much coarser than its texels' spreads a texture may be
+
+    bool shared() const { return !labels.empty(); }
   };
 
   // `base`: with the opacities that the reader sees.
@@ -283,7 +285,9 @@ class SogWriter {
         for (std::size_t t = 0; t < spreads.size(); ++t) {
           const glm::vec4 change = model_.atlas.texels[stored.rects[i].offset + t] - glm::vec4(0, 0, 0, 1);
           for (int k = 0; k < 4; ++k) {
-            magnitudes[k].push_back(static_cast<float>(std::abs(change[k]) / (spreads[t] * stored.coarser[i])));
+            const double magnitude = std::abs(change[k]);
+            const bool reached = stored.shared() && magnitude <= sog::kSharedReach;
+            magnitudes[k].push_back(reached ? 0.0f : static_cast<float>(magnitude / (spreads[t] * stored.coarser[i])));
           }
         }
       }
@@ -330,7 +334,7 @@ class SogWriter {
           glm::vec4& texel = model_.atlas.texels[stored.rects[i].offset + t];
           std::uint8_t* bytes = values.data.data() + 4 * at++;
           for (int k = 0; k < 4; ++k) {
-            const double own = steps[k == 3] * spread, neutral = k == 3 ? 1.0 : 0.0;
+            const double own = sog::texelStep(steps[k == 3], spread, stored.shared()), neutral = k == 3 ? 1.0 : 0.0;
             bytes[k] = toByte(wholeSteps((texel[k] - neutral) / own) + sog::kNeutralByte);
             texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * own);
           }
@@ -338,7 +342,7 @@ class SogWriter {
         }
       }
     }
-    const bool shared = !stored.labels.empty();
+    const bool shared = stored.shared();
     own_textures_ = !shared;
     textures_ = {{"version", shared ? sog::kSharedTextures : sog::kOwnTextures}};
     if (shared) {

@@ -60,7 +60,7 @@ class Server:
                 if path.startswith("/packages/"):
                     return str(modules / re.sub(r"@\d[^/]*", "", path.removeprefix("/packages/")))
                 name = path.rsplit("/", 1)[1]
-                return str(models / name) if name.startswith("scene.") else str(REPOSITORY / path[1:])
+                return str(models / name) if name.startswith("scene") else str(REPOSITORY / path[1:])
 
             def log_message(self, *_):
                 pass
@@ -337,13 +337,14 @@ def main():
         folder = pathlib.Path(folder)
         run(programs / "tgconvert", model, folder / "scene.glb", "--quiet")
         run(programs / "tgconvert", model, folder / "scene.sog", "--quiet")
+        run(programs / "tgconvert", model, folder / "scene_shared.sog", "--share-textures", "24", "--quiet")
         run(programs / "tgconvert", model, folder / "cameras.glb", "--quiet")
         references = {}
-        for file in ("scene.glb", "scene.sog"):
+        for file in ("scene.glb", "scene.sog", "scene_shared.sog"):
             for camera in CAMERAS:
                 # A SOG holds no cameras: the model's, in the file's place.
                 source = folder / file
-                if file == "scene.sog":
+                if file.endswith(".sog"):
                     run(programs / "tgconvert", source, folder / "back.tgz", "--overwrite", "--quiet")
                     source = folder / "back.tgz"
                 out = folder / "reference.png"

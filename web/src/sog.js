@@ -13,6 +13,7 @@ const MOST_PER_BYTE = 64;         // Gaussians; as many as a million are always 
 const ATLAS_SIDE = 4096;          // [texels]
 const MOST_TEXELS = 1 << 25;
 const OWN = 1, SHARED = 2, MOST_SHARED = 65536;  // versions: a texture a Gaussian, or one for several
+const SHARED_STEP = 1 / 127;  // of a shared texture's texels, at least
 const SH_C0 = 0.28209479177387814;
 const AT_A_TIME = 4096;          // Gaussians between two looks at the clock
 // Where textures are looked at for what stands in for them (docs/sog.md#textures).
@@ -268,6 +269,7 @@ async function readTextures(file, model, part) {
   const color = mode & MODES.rgb, alpha = mode & MODES.alpha;
   const coarser = shared ? sharedSpreads(labels, stored)
     : Float32Array.from(model.opacity, (o) => Math.min(Math.max(o, 1e-6) ** -0.35, 16));
+  const least = shared ? SHARED_STEP : 0;
   let at = 0;
   for (const {width, height, textures} of placed.classes) {
     const spreads = texelSpreads(width, height);
@@ -277,8 +279,9 @@ async function readTextures(file, model, part) {
         const i = textures[n], spread = spreads[t] * coarser[i];
         const {texels} = atlases[pages[i]];
         const to = 4 * ((rects[4 * i + 1] + Math.floor(t / width)) * side + rects[4 * i] + t % width);
-        for (let k = 0; k < 3; ++k) texels[to + k] = color ? (bytes[at + k] - NEUTRAL) * steps[0] * spread : 0;
-        texels[to + 3] = alpha ? Math.min(Math.max(1 + (bytes[at + 3] - NEUTRAL) * steps[1] * spread, 0), 1) : 1;
+        const ofColor = Math.max(steps[0] * spread, least), ofAlpha = Math.max(steps[1] * spread, least);
+        for (let k = 0; k < 3; ++k) texels[to + k] = color ? (bytes[at + k] - NEUTRAL) * ofColor : 0;
+        texels[to + 3] = alpha ? Math.min(Math.max(1 + (bytes[at + 3] - NEUTRAL) * ofAlpha, 0), 1) : 1;
       }
     }
   }

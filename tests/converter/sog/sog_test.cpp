@@ -324,6 +324,32 @@ TEST_CASE("SOG: the same model gives the same bytes") {
   CHECK(readFile(scratch.folder() / "a.sog", 1 << 24) == readFile(scratch.folder() / "b.sog", 1 << 24));
 }
 
+TEST_CASE("SOG: bytes reach every texel of a texture that most Gaussians share") {
+  constexpr std::size_t kMost = 4000, kOthers = 1000;  // and these in twos
+  GaussianModel model = test::makeScene(test::SceneKind::ordinary, 5, kMost + 2 * kOthers, 32, 32).model;
+  model.texture_mode = TextureMode::rgba;
+  model.atlas = makeUniformAtlas(model.size(), 2, 2);
+  const auto texels = [&](GaussianModel& of, std::size_t i) {
+    return std::span(of.atlas.texels).subspan(of.atlas.rects[i].offset, of.atlas.rects[i].texelCount());
+  };
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const auto k = static_cast<float>(i < kMost ? 0 : 1 + (i - kMost) / 2) / kOthers;
+    std::ranges::fill(texels(model, i), glm::vec4(0.8f - 0.2f * k, -0.9f, 0.1f * k, 0.2f + 0.5f * k));
+  }
+  const Scratch scratch;
+  const auto path = scratch.folder() / "most.sog";
+  GaussianModel sorted = select(model, writeSog(path, model));
+  GaussianModel out = readSog(path).model;
+  float most = 0;  // off by
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    for (std::size_t t = 0; t < 4; ++t) {
+      const glm::vec4 off = glm::abs(texels(out, i)[t] - texels(sorted, i)[t]);
+      most = std::max({most, off.r, off.g, off.b, off.a});
+    }
+  }
+  CHECK(most < 0.05f);
+}
+
 TEST_CASE("SOG: what Gaussians share is stored once, and comes back to all") {
   constexpr std::size_t kDifferent = 5;
   const Scratch scratch;
