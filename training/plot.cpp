@@ -14,6 +14,7 @@
 #include "core/run/curves.h"
 #include "core/run/live.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/numbers.h"
 #include "core/system/program.h"
 #include "training/cli.h"
@@ -117,7 +118,7 @@ void plotRuns(const PlotOptions& options) {
                                   : options.runs.empty()  ? "plot: expected a run folder and " + output
                                                           : "plot: expected " + output);
   }
-  const std::string extension = options.output.extension().string();
+  const std::string extension = lowerCase(options.output.extension().string());
   if (extension != ".svg" && extension != ".html") {
     throw Error(ErrorKind::usage, options.output.string(),
                 "unknown format" + expectedFound(".svg or .html", extension));

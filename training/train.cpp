@@ -17,6 +17,7 @@
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/numbers.h"
 #include "core/system/parallel.h"
 #include "core/system/program.h"
@@ -193,7 +194,7 @@ Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
 FlagTexts quantizedFor(const TrainFlags& options) {
   return {{"target-size", std::to_string(options.target_bytes)},
           {"steps", numberText(options.steps)},
-          {"output", fs::path(options.output).extension().string()}};
+          {"output", lowerCase(fs::path(options.output).extension().string())}};
 }
 
 // What a training over several processes has no use for, or cannot do.

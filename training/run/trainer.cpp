@@ -288,8 +288,10 @@ void Trainer::shareTextures() {
 void Trainer::findTextureGroups() {
   if (texture_groups_) return;
   texture_groups_.emplace();
-  const bool dictionary = settings_.texture_dictionary > 0 && state_.stage == Stage::textured &&
-                          state_.iteration >= settings_.texture_iterations / kSharedFrom;
+  const bool dictionary =
+      settings_.texture_dictionary > 0 &&
+      (state_.stage == Stage::quantized ||
+       (state_.stage == Stage::textured && state_.iteration >= settings_.texture_iterations / kSharedFrom));
   if (!dictionary && state_.stage != Stage::quantized) return;
   pull();
   if (!isTextured(state_.training.model)) return;

@@ -17,6 +17,7 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/signals.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
@@ -498,7 +499,7 @@ glm::dvec2 Viewer::fromMiddle(glm::dvec2 place) const {
 void Viewer::openCameraFiles() {
   std::vector<std::filesystem::path>& requests = state_.documents.open_requests;
   const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
-    return path.extension() != ".json" || isLodMeta(path);
+    return lowerCase(path.extension().string()) != ".json" || isLodMeta(path);
   });
   const std::vector<std::filesystem::path> files(first, requests.end());
   requests.erase(first, requests.end());

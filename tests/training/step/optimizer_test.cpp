@@ -68,6 +68,28 @@ TEST_CASE("Adam follows the published update", "[optimizer]") {
   CHECK(state.step == 4);
 }
 
+TEST_CASE("a texture that Gaussians share moves once, by the sum of what they say of it", "[optimizer]") {
+  tg::TrainingState state = randomState(3, 0, 11);
+  tg::addTextures(state, tg::uniformRects(3, 2, 0), tg::TextureMode::rgba, tg::TextureInit::neutral);
+  tg::TrainingState summed = state;  // whose first Gaussian gets the sum itself
+  const std::vector<std::uint32_t> groups = {0, 1, 0};
+  tg::LearningRates rates;
+  rates.texels = 0.01f;
+  for (const std::uint64_t seed : {12u, 13u}) {  // twice: moments count
+    tg::ModelGradient gradient = randomGradient(state.model, seed), sum = gradient;
+    for (std::size_t t = 0; t < 4; ++t) sum.texels[t] += sum.texels[8 + t];
+    tg::adamStep(summed, sum, rates);
+    tg::sumOverGroups(state.model.atlas, groups, gradient.texels);
+    tg::adamStep(state, gradient, rates, groups);
+    for (std::size_t t = 0; t < 4; ++t) {
+      CHECK(state.model.atlas.texels[t] == summed.model.atlas.texels[t]);
+      CHECK(state.model.atlas.texels[4 + t] == summed.model.atlas.texels[4 + t]);
+      CHECK(state.model.atlas.texels[8 + t] == summed.model.atlas.texels[t]);
+    }
+    CHECK(state.model.mean == summed.model.mean);
+  }
+}
+
 TEST_CASE("every block moves at its own rate", "[optimizer]") {
   tg::TrainingState state = randomState(37, 2, 3);
   tg::addTextures(state, tg::uniformRects(state.model.size(), 3, 0), tg::TextureMode::rgba, tg::TextureInit::neutral);
