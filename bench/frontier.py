@@ -191,9 +191,7 @@ def write(path, report):
 def of_others(found):
     """What the report says of cells whose "note" names how they were made otherwise than they would be now."""
     notes = [report["note"] for report in found.values() if "note" in report]
-    return "".join(f" {notes.count(note)} cells of shared textures are of {note}, their files of steps that "
-                   "bytes may not reach, not of what is made now "
-                   "([lab/quality.md](lab/quality.md#textures-that-gaussians-share))." for note in sorted(set(notes)))
+    return "".join(f" {notes.count(note)} cells are of {note}." for note in sorted(set(notes)))
 
 
 def training_of(model):

@@ -118,7 +118,7 @@ void plotRuns(const PlotOptions& options) {
                                   : options.runs.empty()  ? "plot: expected a run folder and " + output
                                                           : "plot: expected " + output);
   }
-  const std::string extension = lowerCase(options.output.extension().string());
+  const std::string extension = lowerExtension(options.output);
   if (extension != ".svg" && extension != ".html") {
     throw Error(ErrorKind::usage, options.output.string(),
                 "unknown format" + expectedFound(".svg or .html", extension));

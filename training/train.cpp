@@ -194,7 +194,7 @@ Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
 FlagTexts quantizedFor(const TrainFlags& options) {
   return {{"target-size", std::to_string(options.target_bytes)},
           {"steps", numberText(options.steps)},
-          {"output", lowerCase(fs::path(options.output).extension().string())}};
+          {"output", lowerExtension(options.output)}};
 }
 
 // What a training over several processes has no use for, or cannot do.

@@ -197,7 +197,7 @@ constexpr auto namesOf(Task) {
                    "with --list-cameras", "with --serve");
 }
 
-bool isExr(const std::filesystem::path& path) { return lowerCase(path.extension().string()) == ".exr"; }
+bool isExr(const std::filesystem::path& path) { return lowerExtension(path) == ".exr"; }
 
 Task taskOf(const Flags& flags) {
   const ViewOptions& view = flags.view;

@@ -18,7 +18,6 @@ constexpr double kOpacityExponent = 0.35;
 constexpr double kMostSpread = 16;
 constexpr double kDeadZone = 0.1;  // [steps] that texels are nearer to no change than they are
 constexpr double kPercentile = 0.999;
-constexpr double kByteSteps = 127;  // from the neutral number of a byte
 
 }  // namespace
 

@@ -5,6 +5,8 @@
 
 namespace tg {
 
+constexpr double kByteSteps = 127;  // from the neutral number of a byte
+
 // How many times the step a texel's value may be off: [height, width], 1 for the texels that weigh most. Errors then
 // weigh alike wherever they are. Sides of at least 1.
 std::vector<double> texelSpreads(int width, int height);

@@ -401,7 +401,7 @@ const Format& detectFormat(const Path& path) {
     if (format.sniff && format.sniff(start)) return format;
   }
   for (const Format& format : kFormats) {
-    if (!format.sniff && format.read && lowerCase(path.extension().string()) == extensionOf(format)) return format;
+    if (!format.sniff && format.read && lowerExtension(path) == extensionOf(format)) return format;
   }
   throw Error(ErrorKind::badData, path.string(), "is no splat model (expected a " + listed(inputNames()) + " file)");
 }

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "converter/formats/texel_spread.h"
 #include "core/model/model.h"
 
 namespace tg::sog {
@@ -31,7 +32,7 @@ inline double sharedSpread(std::uint32_t members) { return 1.0 / std::sqrt(std::
 constexpr double kSharedReach = 1.0;  // that bytes of such a texture have at least, to either side of the neutral value
 // Of a texel's value, from the step of its channel and the texture's and the texel's spread.
 inline double texelStep(double step, double spread, bool shared) {
-  return shared ? std::max(step * spread, kSharedReach / 127) : step * spread;
+  return shared ? std::max(step * spread, kSharedReach / kByteSteps) : step * spread;
 }
 // Texels of all Gaussians that share theirs: as many as an image of a texture a Gaussian could hold.
 constexpr std::uint64_t kMostHandedOut = std::uint64_t{1} << 28;

@@ -66,7 +66,7 @@ Image readImage(const std::filesystem::path& path) {
 
 void writeImage(const std::filesystem::path& path, const Image& image) {
   checkWritable(image, path.string());
-  const std::string extension = lowerCase(path.extension().string());
+  const std::string extension = lowerExtension(path);
   if (extension == ".png") return writeFileAtomically(path, encodePng(image));
   if (extension == ".jpg" || extension == ".jpeg")
     return writeFileAtomically(path, encodeJpeg(image, 95, path.string()));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Names and extensions are compared without regard to case: of ASCII, whatever the locale.
 #pragma once
+#include <filesystem>
 #include <string>
 
 namespace tg {
@@ -11,5 +12,7 @@ inline std::string lowerCase(std::string text) {
   }
   return text;
 }
+// With its dot.
+inline std::string lowerExtension(const std::filesystem::path& path) { return lowerCase(path.extension().string()); }
 
 }  // namespace tg

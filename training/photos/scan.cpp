@@ -43,7 +43,7 @@ bool isHeifBrand(std::string_view brand) {
 }
 
 bool hasExtension(const fs::path& path, std::initializer_list<std::string_view> extensions) {
-  return std::ranges::find(extensions, lowerCase(path.extension().string())) != extensions.end();
+  return std::ranges::find(extensions, lowerExtension(path)) != extensions.end();
 }
 bool isFilmName(const fs::path& path) {
   return hasExtension(path, {".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mpg"});

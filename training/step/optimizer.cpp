@@ -15,7 +15,7 @@
 namespace tg {
 namespace {
 
-constexpr std::int64_t kChunk = 4096;     // rows a task
+constexpr std::int64_t kChunk = 4096;     // rows or texels a task
 constexpr std::size_t kUniformLane = 16;  // row length for blocks with one rate
 constexpr std::int64_t kGaussians = 256;  // a task
 
@@ -28,16 +28,21 @@ TG_SIMD_CLONES void adamRow(float* __restrict value, const float* __restrict gra
   }
 }
 
+// Values [begin, end), row by row.
+void adamRange(std::span<float> value, std::span<const float> gradient, Moments& moments, std::span<const float> rates,
+               AdamScales scales, std::size_t begin, std::size_t end) {
+  for (std::size_t at = begin; at < end; at += rates.size()) {
+    adamRow(value.data() + at, gradient.data() + at, moments.first.data() + at, moments.second.data() + at,
+            rates.data(), std::min(rates.size(), end - at), scales);
+  }
+}
+
 void adamBlock(std::span<float> value, std::span<const float> gradient, Moments& moments, std::span<const float> rates,
                AdamScales scales) {
-  const std::size_t lane = rates.size();
-  const auto rows = static_cast<std::int64_t>((value.size() + lane - 1) / lane);
-  parallelFor((rows + kChunk - 1) / kChunk, 1, [&](std::int64_t chunk) {
-    for (std::int64_t row = chunk * kChunk; row < std::min(rows, (chunk + 1) * kChunk); ++row) {
-      const std::size_t at = static_cast<std::size_t>(row) * lane;
-      adamRow(value.data() + at, gradient.data() + at, moments.first.data() + at, moments.second.data() + at,
-              rates.data(), std::min(lane, value.size() - at), scales);
-    }
+  const std::size_t chunk_values = kChunk * rates.size();
+  parallelFor(static_cast<std::int64_t>((value.size() + chunk_values - 1) / chunk_values), 1, [&](std::int64_t chunk) {
+    const std::size_t begin = static_cast<std::size_t>(chunk) * chunk_values;
+    adamRange(value, gradient, moments, rates, scales, begin, std::min(value.size(), begin + chunk_values));
   });
 }
 
@@ -61,11 +66,8 @@ struct TexelStep {
 void moveTexels(const TexelStep& step, std::int64_t begin, std::int64_t end) {
   std::array<float, kUniformLane> rates;
   rates.fill(step.rates.texels);
-  for (auto at = static_cast<std::size_t>(4 * begin); at < static_cast<std::size_t>(4 * end); at += kUniformLane) {
-    adamRow(floats(step.texels).data() + at, floats(step.gradient).data() + at, step.moments.first.data() + at,
-            step.moments.second.data() + at, rates.data(),
-            std::min(kUniformLane, static_cast<std::size_t>(4 * end) - at), step.scales);
-  }
+  adamRange(floats(step.texels), floats(step.gradient), step.moments, rates, step.scales,
+            static_cast<std::size_t>(4 * begin), static_cast<std::size_t>(4 * end));
   const float decay = step.rates.texels * step.rates.texel_decay;
   for (std::int64_t i = begin; i < end; ++i) {
     glm::vec4& texel = step.texels[i];

@@ -52,7 +52,7 @@ std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& opti
 }  // namespace
 
 void compareToFile(const ViewOptions& options) {
-  const std::string extension = lowerCase(options.out.extension().string());
+  const std::string extension = lowerExtension(options.out);
   if (extension != ".png" && extension != ".jpg") {
     throw Error(ErrorKind::usage, options.out.string(),
                 "a comparison is a picture (expected .png or .jpg, found \"" + extension + "\")");

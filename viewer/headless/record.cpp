@@ -52,7 +52,7 @@ class Progress {
 
 void recordToFile(const ViewOptions& options) {
   const RecordTarget target = parseRecordTarget(options.record, "--output");
-  const bool numbers = lowerCase(target.path.extension().string()) == ".exr";
+  const bool numbers = lowerExtension(target.path) == ".exr";
   ViewedScene viewed(options, options.model);
   const Scene& scene = viewed.scene();
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);

@@ -16,7 +16,7 @@ namespace {
 
 // Before any work: a wrong name must not cost a rendering. True for numbers, false for a picture.
 bool writesNumbers(const std::filesystem::path& path) {
-  const std::string extension = lowerCase(path.extension().string());
+  const std::string extension = lowerExtension(path);
   if (extension == ".exr") return true;
   if (extension == ".png" || extension == ".jpg") return false;
   throw Error(ErrorKind::usage, path.string(),

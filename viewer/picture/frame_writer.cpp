@@ -96,7 +96,7 @@ class Encoder {
                                       "-f", "rawvideo", "-pixel_format", "rgb24", "-video_size",
                                       std::to_string(size.x) + "x" + std::to_string(size.y), "-framerate", rate, "-i",
                                       "pipe:0", "-an"};
-    const std::string extension = lowerCase(out.extension().string());
+    const std::string extension = lowerExtension(out);
     const std::vector<std::string> codec =
         extension == ".webm" ? std::vector<std::string>{"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-row-mt", "1"}
                              : std::vector<std::string>{"-c:v", "libx264", "-crf", "18"};
@@ -182,7 +182,7 @@ std::string findProgram(const std::string& name) {
 }
 
 RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::string& what) {
-  const std::string extension = lowerCase(path.extension().string());
+  const std::string extension = lowerExtension(path);
   if (contains(kVideoExtensions, extension) && path.has_stem()) return {path, true};
   std::error_code ignored;
   const std::string name = path.filename().string();

@@ -13,7 +13,7 @@ namespace tg {
 namespace {
 
 bool isPhotograph(const std::filesystem::path& path) {
-  const std::string extension = lowerCase(path.extension().string());
+  const std::string extension = lowerExtension(path);
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
 }
 

@@ -201,7 +201,7 @@ bool holdsModel(const std::filesystem::path& file, const Scene& scene) {
       (format.holds(kKeepsSh) || scene.sh_degree == 0) && (format.holds(kKeepsCameras) || scene.cameras.empty())) {
     return true;
   }
-  return lowerCase(file.extension().string()) == lowerCase(scene.path.extension().string());
+  return lowerExtension(file) == lowerExtension(scene.path);
 }
 
 std::filesystem::path saveTarget(const ViewerState& state) {

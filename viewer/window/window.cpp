@@ -499,7 +499,7 @@ glm::dvec2 Viewer::fromMiddle(glm::dvec2 place) const {
 void Viewer::openCameraFiles() {
   std::vector<std::filesystem::path>& requests = state_.documents.open_requests;
   const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
-    return lowerCase(path.extension().string()) != ".json" || isLodMeta(path);
+    return lowerExtension(path) != ".json" || isLodMeta(path);
   });
   const std::vector<std::filesystem::path> files(first, requests.end());
   requests.erase(first, requests.end());

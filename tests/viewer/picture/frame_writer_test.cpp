@@ -47,6 +47,7 @@ TEST_CASE("a recording's name says what it becomes") {
   const TemporaryFolder folder;
   CHECK(parseRecordTarget("a.mp4", "-o").video);
   CHECK(parseRecordTarget("x/b.webm", "-o").video);
+  CHECK(parseRecordTarget("a.MP4", "-o").video);
   CHECK(framePath(parseRecordTarget("x/a_###.png", "-o"), 7) == "x/a_007.png");
   CHECK(framePath(parseRecordTarget("#.jpg", "-o"), 123) == "123.jpg");
   CHECK(framePath(parseRecordTarget("frames", "-o"), 12) == "frames/0012.png");
