@@ -251,7 +251,7 @@ void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, 
 }
 
 void requireDifferentiable(TextureOutside outside, std::string_view backend) {
-  if (outside == TextureOutside::base) return;
+  if (outside != TextureOutside::edge) return;
   refuse("outside " + std::string(name(outside)), "not supported by " + std::string(backend));
 }
 

@@ -119,16 +119,8 @@ HWY_INLINE void sampleTexture(const Splat& s, const Texels& texels, const View& 
 template <TextureOutside kOutside>
 HWY_NOINLINE void applyTextureAs(const Splat& s, const Texels& texels, const View& view, const Rows& rows, int tile_x,
                                  int tile_y, Samples& samples, TextureSamples& colors) {
+  if constexpr (kOutside == TextureOutside::clip) clipToTexture(s, rows, tile_x, samples);
   sampleTexture<kOutside == TextureOutside::edge>(s, texels, view, rows, tile_x, tile_y, samples, colors);
-  if constexpr (kOutside == TextureOutside::clip) {
-    for (int i = 0; i < samples.count; ++i) {
-      Sample& sample = samples.at[i];
-      const V x = columnX(s, tile_x, samples.block[i] / kTileHeight);
-      const LocalRay ray = localRay(s, rows.y[samples.row(i)], x);
-      const M inside = insideTexture(localPoint(ray, hn::Load(df, sample.inverse_d2)));
-      hn::Store(hn::IfThenElseZero(inside, hn::Load(df, sample.value)), df, sample.value);
-    }
-  }
 }
 
 // Fills `colors`, multiplies the values of `samples` by the alpha factor and drops what falls below the cut.

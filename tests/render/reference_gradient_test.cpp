@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The reference's analytic gradient against central differences of its own forward pass, for every parameter.
 #include <cmath>
+#include <utility>
 
 #include "core/system/parallel.h"
 #include "render/reference/reference.h"
@@ -90,8 +91,12 @@ TEST_CASE("analytic gradients match central differences for every parameter, mod
   const Camera camera = smallCamera();
   const auto v_color = randomPictureGradient(kSide * kSide);
   for (auto intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
-    for (auto mode : {TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba}) {
+    for (auto [mode, outside] :
+         {std::pair{TextureMode::none, TextureOutside::base}, std::pair{TextureMode::alpha, TextureOutside::base},
+          std::pair{TextureMode::rgb, TextureOutside::base}, std::pair{TextureMode::rgba, TextureOutside::base},
+          std::pair{TextureMode::rgba, TextureOutside::clip}}) {
       ReferenceModel model = smallModel(mode, intersection);
+      model.outside = outside;
       const auto g = backwardReference(model, camera, grey(), v_color, kSmooth);
       const auto error = [&](auto& values, const auto& gradient) {
         REQUIRE(values.size() == gradient.size());
@@ -100,7 +105,7 @@ TEST_CASE("analytic gradients match central differences for every parameter, mod
                                   reinterpret_cast<const double*>(gradient.data()), values.size() * components, camera,
                                   v_color);
       };
-      INFO(name(intersection) << ", " << name(mode));
+      INFO(name(intersection) << ", " << name(mode) << ", " << name(outside));
       CHECK(error(model.mean, g.mean) < 1e-6);
       CHECK(error(model.rotation, g.rotation) < 1e-6);
       CHECK(error(model.log_scale, g.log_scale) < 1e-6);
@@ -142,7 +147,7 @@ TEST_CASE("the screen gradient is the mean's gradient through the projection alo
   }
 }
 
-TEST_CASE("there is no gradient where textures do not end in the base") {
+TEST_CASE("there is no gradient where textures go on with their border") {
   const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 5, 10, 8, 6);
   ReferenceModel model(scene.model);
   model.outside = TextureOutside::edge;

@@ -134,7 +134,7 @@ TEST_CASE("what a backend without a setting's formulas says") {
   CHECK(problem(with("crop", "0,0,0,1,1,1")) == "crop box: not supported by training");
   CHECK(problem(with("outside", "edge")) == "");  // pictures of training have it, gradients do not
   CHECK_NOTHROW(requireDifferentiable(TextureOutside::base, "training"));
-  CHECK_THROWS_WITH(requireDifferentiable(TextureOutside::clip, "training"), "outside clip: not supported by training");
+  CHECK_THROWS_WITH(requireDifferentiable(TextureOutside::edge, "training"), "outside edge: not supported by training");
   RenderSettings settings;
   settings.outputs = {Output::overdraw};
   CHECK(problem(settings) == "output overdraw: not supported by training");

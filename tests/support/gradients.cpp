@@ -109,6 +109,19 @@ void checkEveryTextureMode(MakeRenderer make) {
   }
 }
 
+void checkClippedTextures(MakeRenderer make) {
+  for (const SceneKind kind : {SceneKind::edgeOn, SceneKind::flat, SceneKind::oddTextures, SceneKind::mixed}) {
+    for (const auto intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
+      TestScene scene = makeScene(kind, 1);
+      RenderSettings settings;
+      settings.intersection = intersection;
+      scene.model.outside = TextureOutside::clip;
+      INFO(name(kind) << ", " << name(intersection));
+      checkRenderer(*make(), scene, settings);
+    }
+  }
+}
+
 bool sameBytes(const ModelGradient& a, const ModelGradient& b) {
   bool equal = same(a.screen_gradient, b.screen_gradient) && same(a.screen_gradient_abs, b.screen_gradient_abs) &&
                same(a.screen_radius, b.screen_radius);

@@ -34,6 +34,8 @@ void checkAgainstReference(const ModelGradient& gradient, const GaussianModel& m
 using MakeRenderer = std::unique_ptr<DifferentiableRenderer> (*)();
 void checkEveryScene(MakeRenderer make);
 void checkEveryTextureMode(MakeRenderer make);
+// Of models that draw nothing beyond their textures.
+void checkClippedTextures(MakeRenderer make);
 
 bool sameBytes(const ModelGradient& a, const ModelGradient& b);
 

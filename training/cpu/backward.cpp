@@ -623,6 +623,7 @@ void backwardTile(const BackwardArgs& args, int tile) {
     if (s.texture_width > 0) {
       const Texture texture = makeTexture(s, in.texels);
       const bool small = isSmall(s);
+      if (in.view.outside == TextureOutside::clip) clipToTexture(s, rows, tile_x, samples);
       if (small) {
         colorSmall(texture, s, in.view, tile_x, tile_y, pass, state, samples, texture_samples);
       } else {

@@ -399,14 +399,15 @@ backwardKernel(BackwardArguments a) {
       left ^= 1u << j;
       const BlendSplat& s = shared.splats[j];
       Sample sample = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
-      const bool shows = low + j < end && evaluate(s, pixel.x, pixel.y, sample);
+      bool shows = low + j < end && evaluate(s, pixel.x, pixel.y, sample);
       if (!__any_sync(kAllLanes, shows)) continue;
       if (!shows) sample = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
       TexturePoint at = {false, 0.0f, 0.0f, 0.0f, 0.0f, 0, 0, 0};
       LocalRay ray = {};
       if (kTexture && s.texture_size != 0 && shows) {
         ray = localRay(a.in.frames[s.gaussian], sample.x, sample.y);
-        at = locate(s, ray, sample.inverse_d2, kOutsideBase);
+        at = locate(s, ray, sample.inverse_d2, view.outside);
+        shows = at.inside || view.outside != kOutsideClip;
       }
       backwardSplat<kTexture, kStatistics>(a, s, shared.texel_places[j], shows, sample, at, ray, behind,
                                            shared.sums[j][warp]);

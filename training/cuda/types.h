@@ -19,7 +19,7 @@ struct View : Pinhole {
   int tiles_x, tiles_y;
   std::uint32_t intersection;  // kIntersect*
   bool texture_rgb, texture_alpha;
-  std::uint32_t outside;  // kOutside*; only kOutsideBase has a gradient
+  std::uint32_t outside;  // kOutside*; kOutsideEdge has no gradient
 };
 
 template <typename>

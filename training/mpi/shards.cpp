@@ -89,6 +89,7 @@ struct Shape {
   int sh_degree = 0;
   TextureMode texture_mode{};
   IntersectionModel intersection{};
+  TextureOutside outside{};
   bool filtered = false;
   bool rects = false;
 };
@@ -139,7 +140,7 @@ void scatter(Channel& channel, RunState& whole, Shards& shards, ShardState& shar
   MessageWriter said;
   if (first) {
     said.put(Shape{model.size(), whole.training.step, model.sh_degree, model.texture_mode, model.intersection,
-                   !whole.min_sigma.empty(), !model.atlas.rects.empty()});
+                   model.outside, !whole.min_sigma.empty(), !model.atlas.rects.empty()});
   }
   const Message message = fromFirst(channel, said.take());
   const auto shape = MessageReader(message).get<Shape>();
@@ -148,6 +149,7 @@ void scatter(Channel& channel, RunState& whole, Shards& shards, ShardState& shar
   part.sh_degree = shape.sh_degree;
   part.texture_mode = shape.texture_mode;
   part.intersection = shape.intersection;
+  part.outside = shape.outside;
   shard.training.step = shape.step;
   if (!shape.filtered) free(shard.min_sigma);
   forEachArray(

@@ -33,7 +33,7 @@ static_assert(std::endian::native == std::endian::little, "numbers are written a
 static_assert(sizeof(int) == 4 && sizeof(std::size_t) == 8 && sizeof(TextureRect) == 8 && sizeof(glm::vec3) == 12);
 
 constexpr char kMagic[8] = {'T', 'G', 'C', 'K', 'P', 'T', '\r', '\n'};
-constexpr std::uint32_t kVersion = 2;
+constexpr std::uint32_t kVersion = 3;
 static_assert(kFieldCount == 5, "older checkpoints lack the new parameter: raise kVersion");
 constexpr std::uint64_t kMaxTextBytes = 1 << 20;
 constexpr std::size_t kMaxGaussians = std::size_t{1} << 32;
@@ -230,12 +230,12 @@ class StateFields {
     archive_.value(at + ".step", step);
   }
   void model(const std::string& at, Is<GaussianModel> auto& model) {
-    // `outside` is base in every run: Trainer refuses other start models.
-    static_assert(memberCount<GaussianModel>() == 6, "name the model's new member here: its base and four are");
+    static_assert(memberCount<GaussianModel>() == 6, "name the model's new member here: all of them are");
     forEachField([&](const Field& field, auto& values) { archive_.array(at + "." + field.name, values); }, model);
     archive_.value(at + ".sh_degree", model.sh_degree);
     choice(at + ".texture_mode", model.texture_mode, TextureMode::rgba);
     choice(at + ".intersection", model.intersection, IntersectionModel::maxResponse);
+    choice(at + ".outside", model.outside, TextureOutside::edge);
     auto& [rects, texels] = model.atlas;
     archive_.array(at + ".rects", rects);
     archive_.array(at + ".texels", texels);
@@ -418,7 +418,8 @@ std::string modelFingerprint(const GaussianModel& model) {
   forEachField([&](const Field&, const auto& values) { add(values); }, model);
   if (model.texture_mode != TextureMode::none) {
     std::vector<std::uint32_t> layout{static_cast<std::uint32_t>(model.texture_mode),
-                                      static_cast<std::uint32_t>(model.intersection)};
+                                      static_cast<std::uint32_t>(model.intersection),
+                                      static_cast<std::uint32_t>(model.outside)};
     for (const TextureRect& rect : model.atlas.rects) {
       layout.insert(layout.end(), {rect.offset, std::uint32_t{rect.width}, std::uint32_t{rect.height}});
     }

@@ -84,9 +84,9 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     return;
   }
   if (start->size() == 0) throw Error(ErrorKind::badData, "start model", "has no Gaussians");
-  if (start->outside != TextureOutside::base) {
-    throw Error(ErrorKind::usage, "the start model has \"outside\": \"" + std::string(name(start->outside)) +
-                                      "\", which has no gradient (expected \"base\")");
+  if (start->outside == TextureOutside::edge) {
+    throw Error(ErrorKind::usage,
+                "the start model has \"outside\": \"edge\", which has no gradient (expected \"base\" or \"clip\")");
   }
   setShDegree(*start, std::min(start->sh_degree, settings.sh_degree));
   if (start->texture_mode == TextureMode::none) {
@@ -226,6 +226,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
                                : IntersectionModel::maxResponse;
     }
     if (!textures_given) {
+      model.outside = settings_.texture_outside;
       const int size = settings_.texture_size > 0 ? settings_.texture_size : automaticTextureSize(model.size());
       const std::size_t budget = settings_.texel_budget
                                      ? settings_.texel_budget

@@ -121,6 +121,8 @@ std::vector<SettingEntry> makeEntries() {
              "After a quarter of stage 2 Gaussians share as many different textures (0: each has its own)"),
       choice("texture-init", &S::texture_init, "First texels: no change, or the paper's 25/255"),
       choice("texture-intersection", &S::texture_intersection, "Where a ray meets a Gaussian in stage 2"),
+      choice("texture-outside", &S::texture_outside,
+             "Beyond new textures: the base, or with clip nothing (edge is not trained)"),
       onOff("texture-gradient-geometry", &S::texture_gradient_geometry,
             "Texture gradients reach the geometry (off: ablation)"),
       onOff("texture-gradient-suffix", &S::texture_gradient_suffix,
@@ -225,6 +227,9 @@ void checkSettings(const TrainSettings& settings) {
   if (settings.texel_decay > 0 && settings.texture_init == TextureInit::paper) {
     throw Error(ErrorKind::usage,
                 "--texel-decay is towards texels that change nothing (expected --texture-init neutral)");
+  }
+  if (settings.texture_outside == TextureOutside::edge) {
+    throw Error(ErrorKind::usage, "--texture-outside edge has no gradient (expected base or clip)");
   }
   if (settings.quantize_iterations > 0 && settings.compare_untextured) {
     throw Error(ErrorKind::usage, "--quantize-iterations has no twin without textures (expected one of both)");

@@ -83,6 +83,7 @@ struct TrainSettings {
   int texture_dictionary = 0;  // different textures that are left after a quarter of stage 2; 0: each has its own
   TextureInit texture_init = TextureInit::neutral;
   TextureIntersection texture_intersection = TextureIntersection::same;  // as stage 1
+  TextureOutside texture_outside = TextureOutside::base;                 // of new textures; not edge
   bool texture_gradient_geometry = true;  // off: as the public re-implementation, for ablation
   bool texture_gradient_suffix = true;    // likewise
 

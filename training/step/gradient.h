@@ -55,7 +55,7 @@ class DifferentiableRenderer {
   }
   // Gradient of a loss whose derivative with respect to the picture of the last forward() is v_color. Overwrites
   // `gradient` (resized as needed). Texel gradients pass only where the stored alpha texel lies in [0, 1].
-  // Same bytes for any thread count. Throws Error(usage) unless that picture is of TextureOutside::base.
+  // Same bytes for any thread count. Throws Error(usage) where that picture is of TextureOutside::edge.
   virtual void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient,
                         const GradientOptions& options = {}) = 0;
   // Of the last forward() and backward(), in order of execution.

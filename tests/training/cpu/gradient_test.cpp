@@ -39,13 +39,20 @@ TEST_CASE("gradients equal the reference's in every texture mode") {
   checkEveryTextureMode([] { return makeCpuDifferentiableRenderer(); });
 }
 
+TEST_CASE("gradients equal the reference's where nothing is drawn beyond textures") {
+  checkClippedTextures([] { return makeCpuDifferentiableRenderer(); });
+}
+
 TEST_CASE("gradients equal the reference's for every SIMD target of this machine") {
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     INFO(hwy::TargetName(target));
     hwy::SetSupportedTargetsForTest(target);
     for (const SceneKind kind : {SceneKind::ordinary, SceneKind::oddTextures}) {
-      const TestScene scene = makeScene(kind, 3);
-      checkCpu(scene.model, scene.camera, {});
+      TestScene scene = makeScene(kind, 3);
+      for (const auto outside : {TextureOutside::base, TextureOutside::clip}) {
+        scene.model.outside = outside;
+        checkCpu(scene.model, scene.camera, {});
+      }
     }
     hwy::SetSupportedTargetsForTest(0);
   }

@@ -190,7 +190,7 @@ TEST_CASE("CUDA pictures are the CPU's on every kind of scene, in both models") 
   }
 }
 
-TEST_CASE("CUDA pictures are the CPU's in every treatment beyond textures, which has no gradient but one") {
+TEST_CASE("CUDA pictures are the CPU's in every treatment beyond textures, and one has no gradient") {
   for (const SceneKind kind : {SceneKind::edgeOn, SceneKind::flat, SceneKind::oddTextures, SceneKind::mixed}) {
     for (const auto intersection : {IntersectionModel::plane, IntersectionModel::maxResponse}) {
       TestScene scene = makeScene(kind, 6);
@@ -211,10 +211,14 @@ TEST_CASE("CUDA pictures are the CPU's in every treatment beyond textures, which
   }
   const auto cuda = makeCudaDifferentiableRenderer();
   TestScene scene = makeScene(SceneKind::ordinary, 6, 5);
-  scene.model.outside = TextureOutside::clip;
+  scene.model.outside = TextureOutside::edge;
   const std::vector<glm::vec3> picture = cuda->forward(scene.model, scene.camera, {});
   ModelGradient gradient;
-  CHECK_THROWS_WITH(cuda->backward(picture, gradient), "outside clip: not supported by the backward pass");
+  CHECK_THROWS_WITH(cuda->backward(picture, gradient), "outside edge: not supported by the backward pass");
+}
+
+TEST_CASE("CUDA gradients equal the reference's where nothing is drawn beyond textures", "[checked]") {
+  checkClippedTextures([] { return makeCudaDifferentiableRenderer(); });
 }
 
 TEST_CASE("CUDA gradients equal the reference's on every kind of scene, in both models") {

@@ -246,7 +246,7 @@ TEST_CASE("a checkpoint that ends early or has a wrong byte anywhere is refused"
   CHECK_THAT(refusal(longer), Contains("1 bytes after the end"));
   Bytes newer = bytes;
   newer[8] = 9;
-  CHECK_THAT(refusal(newer), Contains("another version of tgtrain (expected 2, found 9)"));
+  CHECK_THAT(refusal(newer), Contains("another version of tgtrain (expected 3, found 9)"));
   CHECK_THAT(refusal({'n', 'o'}), Contains("not a checkpoint"));
 
   CHECK_THROWS_WITH(tg::readCheckpoint(folder / "absent"), Contains("cannot open"));

@@ -198,13 +198,28 @@ TEST_CASE("stage 2 goes on with the textures of a start model, whatever their si
   CHECK(identity(recolored) != identity(first.model));
 }
 
-TEST_CASE("a start model whose textures do not end in the base is refused", "[trainer]") {
+TEST_CASE("a start model whose textures go on with their border is refused", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
-  start.outside = tg::TextureOutside::clip;
+  start.outside = tg::TextureOutside::edge;
   CHECK_THROWS_WITH(tg::train(dataset, shortRun(), *renderer, {}, start),
-                    "the start model has \"outside\": \"clip\", which has no gradient (expected \"base\")");
+                    "the start model has \"outside\": \"edge\", which has no gradient (expected \"base\" or \"clip\")");
+}
+
+TEST_CASE("what is drawn beyond new textures is the setting, and of a start model its own", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_outside = tg::TextureOutside::edge;
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
+                    "--texture-outside edge has no gradient (expected base or clip)");
+  settings.texture_outside = tg::TextureOutside::clip;
+  const tg::GaussianModel first = tg::train(dataset, settings, *renderer).model;
+  CHECK(first.outside == tg::TextureOutside::clip);
+  settings.texture_outside = tg::TextureOutside::base;
+  CHECK(tg::train(dataset, settings, *renderer, {}, first).model.outside == tg::TextureOutside::clip);
+  CHECK(tg::train(dataset, settings, *renderer).model.outside == tg::TextureOutside::base);
 }
 
 TEST_CASE("textures are no larger than the training views can teach, unless a size is given", "[trainer]") {
