@@ -161,7 +161,7 @@ CropBox parseCrop(const std::string& text, const std::string& what);  // x0,y0,z
 // For what has no gradient: training and the backward pass. Throws Error(usage) naming the first output outside of
 // `outputs`, or the first setting with a title that is not its default.
 void requireBlendingDefaults(const RenderSettings& settings, OutputSet outputs, std::string_view backend);
-// The same of what a picture shows beyond its textures: only TextureOutside::base has a gradient.
+// The same of what a picture shows beyond its textures: TextureOutside::edge has no gradient.
 void requireDifferentiable(TextureOutside outside, std::string_view backend);
 
 }  // namespace tg

@@ -125,6 +125,27 @@ HWY_INLINE M insideTexture(const LocalPoint& at) {
   const V extent = set(kTextureExtent);
   return hn::And(hn::Le(hn::Abs(at.u), extent), hn::Le(hn::Abs(at.v), extent));
 }
+// TextureOutside::clip: leaves the lanes on the texture, and the samples that have some. Out of line, as it is not the
+// usual treatment.
+inline HWY_NOINLINE void clipToTexture(const Splat& s, const Rows& rows, int tile_x, Samples& samples) {
+  int n = 0;
+  for (int i = 0; i < samples.count; ++i) {
+    const int block = samples.block[i];
+    const V x = columnX(s, tile_x, block / kTileHeight);
+    const LocalRay ray = localRay(s, rows.y[block % kTileHeight], x);
+    const M inside = insideTexture(localPoint(ray, hn::Load(df, samples.at[i].inverse_d2)));
+    const V value = hn::IfThenElseZero(inside, hn::Load(df, samples.at[i].value));
+    if (hn::AllFalse(df, hn::Gt(value, hn::Zero(df)))) {
+      samples.set.words[block / 64] &= ~(std::uint64_t{1} << block % 64);
+      continue;
+    }
+    if (n != i) samples.at[n] = samples.at[i];
+    hn::Store(value, df, samples.at[n].value);
+    samples.block[n++] = block;
+  }
+  samples.count = n;
+}
+
 // TextureOutside::edge: texel coordinates of the border's nearest point. last_cell: Texture::last_u or last_v.
 HWY_INLINE V onBorder(V texel, float last_cell) { return hn::Max(hn::Zero(df), hn::Min(texel, set(last_cell + 1.0f))); }
 

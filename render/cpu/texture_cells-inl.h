@@ -39,27 +39,6 @@ struct CellSamples {
   std::uint32_t touched;  // a bit for each cell that some lane is in
 };
 
-// TextureOutside::clip: leaves the lanes on the texture, and the samples that have some. Out of line, as it is not the
-// usual treatment.
-inline HWY_NOINLINE void clipToTexture(const Splat& s, const Rows& rows, int tile_x, Samples& samples) {
-  int n = 0;
-  for (int i = 0; i < samples.count; ++i) {
-    const int block = samples.block[i];
-    const V x = columnX(s, tile_x, block / kTileHeight);
-    const LocalRay ray = localRay(s, rows.y[block % kTileHeight], x);
-    const M inside = insideTexture(localPoint(ray, hn::Load(df, samples.at[i].inverse_d2)));
-    const V value = hn::IfThenElseZero(inside, hn::Load(df, samples.at[i].value));
-    if (hn::AllFalse(df, hn::Gt(value, hn::Zero(df)))) {
-      samples.set.words[block / 64] &= ~(std::uint64_t{1} << block % 64);
-      continue;
-    }
-    if (n != i) samples.at[n] = samples.at[i];
-    hn::Store(value, df, samples.at[n].value);
-    samples.block[n++] = block;
-  }
-  samples.count = n;
-}
-
 template <bool kKeepPoint, bool kEdge = false>
 HWY_INLINE void locateCells(const Texture& texture, const TileRays& rays, const Samples& samples, CellSamples& out) {
   const V extent = set(kTextureExtent);

@@ -235,7 +235,7 @@ class StateFields {
     archive_.value(at + ".sh_degree", model.sh_degree);
     choice(at + ".texture_mode", model.texture_mode, TextureMode::rgba);
     choice(at + ".intersection", model.intersection, IntersectionModel::maxResponse);
-    choice(at + ".outside", model.outside, TextureOutside::edge);
+    choice(at + ".outside", model.outside, TextureOutside::clip);  // edge is not trained
     auto& [rects, texels] = model.atlas;
     archive_.array(at + ".rects", rects);
     archive_.array(at + ".texels", texels);

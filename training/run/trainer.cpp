@@ -84,17 +84,19 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     return;
   }
   if (start->size() == 0) throw Error(ErrorKind::badData, "start model", "has no Gaussians");
-  if (start->outside == TextureOutside::edge) {
+  const bool textured = start->texture_mode != TextureMode::none;
+  if (textured && start->outside == TextureOutside::edge) {
     throw Error(ErrorKind::usage,
                 "the start model has \"outside\": \"edge\", which has no gradient (expected \"base\" or \"clip\")");
   }
   setShDegree(*start, std::min(start->sh_degree, settings.sh_degree));
-  if (start->texture_mode == TextureMode::none) {
+  if (!textured) {
     if (count_first) {
       throw Error(ErrorKind::usage,
                   "a start model leaves nothing to count (expected --default-gaussians with --percent)");
     }
     start->intersection = settings.intersection;
+    start->outside = TextureOutside::base;  // until there are textures
     begin(Stage::plain, std::move(*start));
     if (limit() > 0 && !swaps()) keepMostSeen(limit());
     return;

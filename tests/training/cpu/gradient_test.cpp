@@ -78,7 +78,10 @@ TEST_CASE("gradients equal the reference's where pixels fall onto the border of 
     CAPTURE(width, height);
     model.atlas = makeUniformAtlas(1, width, height);
     for (glm::vec4& texel : model.atlas.texels) texel = {random.uniformVec3(-0.5, 0.5), random.uniform(0.2, 1.0)};
-    checkCpu(model, camera, {});
+    for (const auto outside : {TextureOutside::base, TextureOutside::clip}) {
+      model.outside = outside;
+      checkCpu(model, camera, {});
+    }
   }
 }
 
@@ -108,15 +111,18 @@ TEST_CASE("gradients have the same bytes however few texel gradients are kept at
 }
 
 TEST_CASE("the picture of a forward pass is the renderer's") {
-  const TestScene scene = makeScene(SceneKind::mixed, 5);
-  const auto renderer = makeCpuRenderer();
-  renderer->setModel(scene.model);
-  const Frame frame = renderer->render(scene.camera, {});
-  const auto differentiable = makeCpuDifferentiableRenderer();
-  const auto& picture = differentiable->forward(scene.model, scene.camera, {});
-  REQUIRE(picture.size() == frame.base.size());
-  for (std::size_t pixel = 0; pixel < picture.size(); ++pixel) {
-    REQUIRE(glm::length(picture[pixel] - frame.color(pixel)) < 1e-5f);
+  TestScene scene = makeScene(SceneKind::mixed, 5);
+  for (const auto outside : {TextureOutside::base, TextureOutside::clip}) {
+    scene.model.outside = outside;
+    const auto renderer = makeCpuRenderer();
+    renderer->setModel(scene.model);
+    const Frame frame = renderer->render(scene.camera, {});
+    const auto differentiable = makeCpuDifferentiableRenderer();
+    const auto& picture = differentiable->forward(scene.model, scene.camera, {});
+    REQUIRE(picture.size() == frame.base.size());
+    for (std::size_t pixel = 0; pixel < picture.size(); ++pixel) {
+      REQUIRE(glm::length(picture[pixel] - frame.color(pixel)) < 1e-5f);
+    }
   }
 }
 

@@ -96,6 +96,7 @@ void checkSame(const tg::TrainSettings& settings, const tg::Dataset& dataset) {
 TEST_CASE("training has the same bytes by any number of ranks: densification, resets, SH, textures of 4 x 4") {
   tg::TrainSettings settings = shortRun();
   settings.reset_every = 15;
+  settings.texture_outside = tg::TextureOutside::clip;
   checkSame(settings, tg::test::sampleDataset(kScene));
 }
 

@@ -59,6 +59,7 @@ tg::RunState richState(const tg::Dataset& dataset, tg::DifferentiableRenderer& r
   settings.iterations = 6;
   settings.texture_iterations = 2;
   settings.texture_size = 2;
+  settings.texture_outside = tg::TextureOutside::clip;
   settings.sh_degree = 1;
   settings.filter_3d = true;
   settings.compare_untextured = true;
@@ -145,6 +146,7 @@ TEST_CASE("a checkpoint comes back as it was written", "[checkpoint]") {
   CHECK(read.header.metrics_bytes == 77);
   CHECK(read.state.stage == tg::Stage::untextured);
   CHECK(read.state.training.model.mean == state.training.model.mean);
+  CHECK(read.state.textured.outside == tg::TextureOutside::clip);
   CHECK(read.state.textured.atlas.texels == state.textured.atlas.texels);
   CHECK(read.state.min_sigma == state.min_sigma);
   CHECK(read.state.order.views == state.order.views);
@@ -192,8 +194,9 @@ TEST_CASE("a run that goes on from a checkpoint ends in the same bytes", "[check
        true},
       {"adaptive textures", [](tg::TrainSettings& s) { s.adaptive_texels = 3; }},
       {"textures that Gaussians share", [](tg::TrainSettings& s) { s.texture_dictionary = 4; }},
-      {"a share of a count that a stage finds out, textures by footprint",
+      {"a share of a count that a stage finds out, textures by footprint, nothing beyond them",
        [](tg::TrainSettings& s) {
+         s.texture_outside = tg::TextureOutside::clip;
          s.gaussians = 0;
          s.percent = 50;
          s.texture_sizes = tg::TextureSizes::footprint;
@@ -270,6 +273,7 @@ TEST_CASE("what a checkpoint says is checked even where its checksums are right"
   CHECK_THAT(refused("training.model.mean", {}), Contains("wrong length of rotation"));
   CHECK_THAT(refused("training.model.sh_degree", asBytes<std::int32_t>({4})), Contains("wrong SH degree"));
   CHECK_THAT(refused("textured.texture_mode", asBytes<std::uint32_t>({4})), Contains("textured.texture_mode"));
+  CHECK_THAT(refused("textured.outside", asBytes<std::uint32_t>({2})), Contains("textured.outside"));
   CHECK_THAT(refused("textured.texels", {}), Contains("leaves the atlas"));
   CHECK_THAT(refused("statistics.view_count", {}), Contains("statistics.view_count: wrong length"));
   CHECK_THAT(refused("min_sigma", asBytes<float>({1})), Contains("min_sigma: wrong length"));

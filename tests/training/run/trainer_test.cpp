@@ -196,18 +196,21 @@ TEST_CASE("stage 2 goes on with the textures of a start model, whatever their si
   tg::GaussianModel recolored = first.model;
   recolored.atlas.texels[3].r += 0.1f;
   CHECK(identity(recolored) != identity(first.model));
+  tg::GaussianModel clipped = first.model;
+  clipped.outside = tg::TextureOutside::clip;
+  CHECK(identity(clipped) != identity(first.model));
 }
 
 TEST_CASE("a start model whose textures go on with their border is refused", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
-  tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
+  tg::GaussianModel start = tg::train(dataset, shortRun(), *renderer).model;
   start.outside = tg::TextureOutside::edge;
   CHECK_THROWS_WITH(tg::train(dataset, shortRun(), *renderer, {}, start),
                     "the start model has \"outside\": \"edge\", which has no gradient (expected \"base\" or \"clip\")");
 }
 
-TEST_CASE("what is drawn beyond new textures is the setting, and of a start model its own", "[trainer]") {
+TEST_CASE("what is drawn beyond new textures is the setting, and of a textured start model its own", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::TrainSettings settings = shortRun();
@@ -219,6 +222,9 @@ TEST_CASE("what is drawn beyond new textures is the setting, and of a start mode
   CHECK(first.outside == tg::TextureOutside::clip);
   settings.texture_outside = tg::TextureOutside::base;
   CHECK(tg::train(dataset, settings, *renderer, {}, first).model.outside == tg::TextureOutside::clip);
+  tg::GaussianModel points = tg::gaussiansFromPoints(dataset.points);
+  points.outside = tg::TextureOutside::edge;
+  CHECK(tg::train(dataset, settings, *renderer, {}, points).model.outside == tg::TextureOutside::base);
   CHECK(tg::train(dataset, settings, *renderer).model.outside == tg::TextureOutside::base);
 }
 
