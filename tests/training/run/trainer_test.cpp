@@ -330,6 +330,26 @@ TEST_CASE("with a dictionary Gaussians share its textures to the end, and it lea
   }
 }
 
+TEST_CASE("a dictionary of more textures than half of the Gaussians is kept in training for a file", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.gaussians = 12;
+  settings.texture_iterations = 100;
+  settings.texture_dictionary = 10;
+  settings.quantize_iterations = 20;
+  tg::Trainer trainer(dataset, settings, *renderer);
+  trainer.onQuantizing([](const tg::GaussianModel& model, float&) { return model; });
+  const auto groups = [&] { return tg::textureGroups(trainer.model().atlas); };
+  while (trainer.stage() != tg::Stage::quantized) REQUIRE(trainer.step());
+  const std::vector<std::uint32_t> shared = groups();
+  const std::size_t different = *std::ranges::max_element(shared) + 1;
+  REQUIRE(different < shared.size());
+  REQUIRE(2 * different > shared.size());
+  REQUIRE_FALSE(tg::areShared(shared));
+  while (trainer.step()) CHECK(groups() == shared);
+}
+
 namespace {
 
 // What a coarse file would leave of a model, the textures in an order of their own.
