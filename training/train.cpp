@@ -60,7 +60,7 @@ std::optional<Bundle> startModel(const TrainFlags& options) {
 std::optional<GaussianModel> contextOf(const TrainFlags& options, const Dataset& dataset) {
   if (options.context.empty()) return std::nullopt;
   const Bundle bundle = readModel(options.context);
-  GaussianModel context = withoutTextures(bakeFallback(bundle.model));
+  GaussianModel context = withoutTextures(bakeFallback(bundle.model, FallbackScale::fitted));
   if (dataset.block) {
     const Cell trained = dataset.block->cell.padded(dataset.block->padding);
     std::vector<std::uint32_t> outside;

@@ -158,7 +158,7 @@ GaussianModel withAdded(const GaussianModel& source, const GaussianModel& base, 
 Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim) {
   const bool keep = as_gltf && isTextured(source.model);
   const std::size_t own = source.model.size();
-  const GaussianModel base = bakeFallback(source.model);
+  const GaussianModel base = bakeFallback(source.model, FallbackScale::kept);
   const GaussianModel& aimed = aim == FitAim::base ? base : source.model;
   std::vector<Camera> fit_cameras, held_cameras;
   shareViews(source, fit_cameras, held_cameras);

@@ -215,7 +215,7 @@ void shareTextures(Bundle& loaded, const Edit& edit) {
   tg::shareTextures(loaded.model, static_cast<std::size_t>(entries), blendWeights(loaded.model, views), kBitCost, 0);
 }
 
-void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model); }
+void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model, FallbackScale::fitted); }
 
 struct Command {
   EditOption option;

@@ -32,7 +32,7 @@ struct TexelSteps {
 TexelSteps texelStepsOf(const TextureAtlas& atlas, double step);
 // The textures of `model` with colours that are multiples of a unit, and alphas that are 1 less such; the unit is the
 // step times the power of 2 nearest to the texel's spread (converter/formats/texel_spread.h), and at least what is
-// stored. `base`: bakeFallback(model), whose opacities say how much a Gaussian weighs.
+// stored. `base`: bakeFallback(model, FallbackScale::kept), whose opacities say how much a Gaussian weighs.
 TextureAtlas texelsInSteps(const GaussianModel& model, const GaussianModel& base, const TexelSteps& steps);
 // Of what texelsInSteps made: 128 stands for 0 in colour, 255 for 1 in alpha.
 QuantizedPage quantizePage(const Image& page, const TexelSteps& steps);

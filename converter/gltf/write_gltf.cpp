@@ -488,7 +488,7 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   TG_ASSERT(!given || given->size() == model.size(), "the base is of the model's Gaussians");
   const GaussianModel base = !textured ? GaussianModel()
                              : given   ? *given
-                                       : bakeFallback(model);  // outlives the writing
+                                       : bakeFallback(model, FallbackScale::kept);  // outlives the writing
   const Baked baked = textured ? &base : nullptr;
   writer.addShape(textured, baked);
   writer.addOpacity(baked, kSplatExtension);

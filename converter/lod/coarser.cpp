@@ -30,7 +30,7 @@ constexpr double kColorPart = 0.3;      // of a pair's cost, for a squared diffe
 GaussianModel withHalfTextures(const GaussianModel& model) {
   if (!isTextured(model)) return withoutTextures(model);
   GaussianModel half = model;
-  const GaussianModel means = bakeFallback(model);
+  const GaussianModel means = bakeFallback(model, FallbackScale::kept);
   std::vector<glm::ivec2> sizes(model.size(), glm::ivec2(0));
   bool textured = false;
   for (std::size_t i = 0; i < model.size(); ++i) {

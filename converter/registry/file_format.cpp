@@ -152,7 +152,7 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
   }
   Bundle loaded =
       bundleOf(assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
-  if (options.base_only) loaded.model = bakeFallback(loaded.model);
+  if (options.base_only) loaded.model = bakeFallback(loaded.model, FallbackScale::fitted);
   loaded.cameras = readLodCameras(scene, reader);
   loaded.background = scene.background;
   if (scene.has_environment) loaded.warnings.push_back("\"environment\" is left out");
@@ -463,7 +463,7 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
     return;
   }
   written.warnings.push_back(lostTextures(format));
-  Bundle base = bundleOf(bakeFallback(source.model));
+  Bundle base = bundleOf(bakeFallback(source.model, FallbackScale::fitted));
   base.cameras = source.cameras;
   base.background = source.background;
   format.write(path, base, options, written);

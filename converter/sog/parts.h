@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "converter/formats/texel_spread.h"
+#include "core/model/fallback.h"
 #include "core/model/model.h"
 
 namespace tg::sog {
@@ -34,6 +35,8 @@ constexpr double kSharedReach = 1.0;  // that bytes of such a texture have at le
 inline double texelStep(double step, double spread, bool shared) {
   return shared ? std::max(step * spread, kSharedReach / kByteSteps) : step * spread;
 }
+// Of the base. Files with textures of a Gaussian's own were read before scales could be fitted.
+inline FallbackScale fallbackScale(bool shared) { return shared ? FallbackScale::fitted : FallbackScale::kept; }
 // Texels of all Gaussians that share theirs: as many as an image of a texture a Gaussian could hold.
 constexpr std::uint64_t kMostHandedOut = std::uint64_t{1} << 28;
 constexpr int kMaxSide = 255;      // [texels]

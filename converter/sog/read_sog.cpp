@@ -225,7 +225,7 @@ class SogReader {
     } else {
       model.atlas = {std::move(rects), std::move(texels)};
     }
-    removeFallback(model);
+    removeFallback(model, sog::fallbackScale(shared));
   }
 
   // A rectangle behind the `texels` that there are.

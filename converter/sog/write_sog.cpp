@@ -80,6 +80,7 @@ class SogWriter {
   std::vector<ZipEntry> write() {
     meta_["version"] = sog::kVersion;
     meta_["count"] = model_.size();
+    for (const glm::vec3& log_scale : model_.log_scale) shortest_axes_.push_back(shortestAxis(log_scale));
     if (isTextured(model_)) addTextures();  // first: the base holds what stands in for the texels as they are stored
     addMeans();
     addScales();
@@ -152,7 +153,7 @@ class SogWriter {
       std::size_t codes[3];
       for (int k = 0; k < 3; ++k) codes[k] = nearestIn(codebook, model_.log_scale[i][k]);
       // The plane of a texture is that of the two longer axes: which is the shortest must not change.
-      const int shortest_axis = shortestAxis(model_.log_scale[i]);
+      const int shortest_axis = shortest_axes_[i];
       const auto stored = [&] { return glm::vec3(codebook[codes[0]], codebook[codes[1]], codebook[codes[2]]); };
       if (codebook.size() > 1 && shortestAxis(stored()) != shortest_axis) {
         std::size_t& shortest = codes[shortest_axis];
@@ -313,7 +314,7 @@ class SogWriter {
     }
     neutralize(model_.atlas.texels, model_.texture_mode);
     // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
-    GaussianModel base = bakeFallback(model_);
+    GaussianModel base = bakeFallback(model_, FallbackScale::kept);
     const Stored stored = storedTextures(base);
     Json files;
     BytePixels& sizes = image(files, "texture_sizes.webp", stored.rects.size());
@@ -361,12 +362,13 @@ class SogWriter {
                       {"outside", name(model_.outside)},
                       {"steps", steps},
                       {"files", std::move(files)}});
-    model_ = bakeFallback(model_);
-    model_.opacity_logit = std::move(base.opacity_logit);
+    model_ = bakeFallback(model_, sog::fallbackScale(shared));
+    if (!shared) model_.opacity_logit = std::move(base.opacity_logit);
   }
 
   GaussianModel model_;
-  bool own_textures_ = false;  // each Gaussian its own
+  std::vector<int> shortest_axes_;  // of the model as it is given
+  bool own_textures_ = false;       // each Gaussian its own
   const SogOptions& options_;
   const std::string& path_;
   Json meta_ = Json::object(), textures_;

@@ -5,12 +5,15 @@
 
 namespace tg {
 
-// The same Gaussians without textures: each colour and opacity moved by its texture's mean over the splat, weighted by
-// the Gaussian (docs/gltf.md, "Fallback"). Untextured Gaussians are unchanged.
-GaussianModel bakeFallback(const GaussianModel& model);
+// What stands in for a texture's alpha: opacity alone, which formats want that keep the textured model's scales, or a
+// smaller Gaussian as well, where alpha is nearer to the middle than the Gaussian is.
+enum class FallbackScale { kept, fitted };
 
-// The inverse, in place, where `model` has the textures beside colours and opacities that stand in for them. Opacities
-// above 1 become 1.
-void removeFallback(GaussianModel& model);
+// The same Gaussians without textures: each colour, opacity and, if they are fitted, its scales changed by its
+// texture's mean and spread, weighted by the Gaussian (docs/gltf.md, "Fallback"). Untextured Gaussians are unchanged.
+GaussianModel bakeFallback(const GaussianModel& model, FallbackScale scale);
+
+// The inverse, in place, where `model` has the textures beside what stands in for them. Opacities above 1 become 1.
+void removeFallback(GaussianModel& model, FallbackScale scale);
 
 }  // namespace tg

@@ -137,7 +137,7 @@ class Sizes {
 
 // Resizes; textures that go leave their mean in colour and opacity.
 void giveSizes(GaussianModel& model, const std::vector<glm::ivec2>& sizes) {
-  const GaussianModel base = bakeFallback(model);
+  const GaussianModel base = bakeFallback(model, FallbackScale::kept);
   for (std::size_t i = 0; i < model.size(); ++i) {
     if (model.atlas.rects[i].texelCount() == 0 || sizes[i].x != 0) continue;
     model.opacity_logit[i] = base.opacity_logit[i];

@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
         argc == 5 ? tg::parse<tg::SplatViewer>(argv[2]) : std::optional<tg::SplatViewer>();
     if (!viewer) throw tg::Error(tg::ErrorKind::usage, "expected MODEL VIEWER CAMERAS.json OUT.png");
     const tg::Bundle loaded = tg::readModel(argv[1], {.base_only = true});
-    const tg::ViewerPicture picture(tg::bakeFallback(loaded.model), *viewer);
+    const tg::ViewerPicture picture(tg::bakeFallback(loaded.model, tg::FallbackScale::kept), *viewer);
     tg::writeImage(argv[4], picture.render(tg::readCameras(argv[3]).at(0), glm::vec3(0.0f)));
     return 0;
   });

@@ -591,10 +591,11 @@ void Trainer::quantizeNext() {
         model.rotation = std::move(stored.rotation);
         break;
       case Quantized::logScale:
-        model.log_scale = std::move(stored.log_scale);
+        model.log_scale = stored.log_scale;
         break;
       case Quantized::texelsAndOpacity:
         model.opacity_logit = std::move(stored.opacity_logit);
+        model.log_scale = stored.log_scale;  // those of a file's base follow from the texels
         copyTexels(stored.atlas, model.atlas);
         break;
       case Quantized::shRest:

@@ -287,6 +287,7 @@ async function readTextures(file, model, part) {
   }
   const own = shared ? handOut(labels, placed) : {rects, pages};
   const layer = {mode, intersection, atlases, ...own, opacity: model.opacity.slice(), dc: model.sh[0].slice()};
+  if (shared) layer.scale = model.scale.slice();  // the base's are of the base alone
   await takeOffBase(file, layer);
   return {layer, intersection, outside};
 }
@@ -295,13 +296,15 @@ async function readTextures(file, model, part) {
 function tapsOf(size) {
   return SAMPLES.map((u) => {
     const at = (u + 3) / 6 * (size - 1), cell = Math.min(Math.floor(at), Math.max(size - 2, 0));
-    return {first: cell, second: Math.min(cell + 1, size - 1), share: at - cell, weight: Math.exp(-0.5 * u * u)};
+    return {first: cell, second: Math.min(cell + 1, size - 1), share: at - cell, at: u, weight: Math.exp(-0.5 * u * u)};
   });
 }
 
-// The mean of a texture: of alpha, and of colour weighted by it as well.
+// The mean of a texture: of alpha, and of colour weighted by it as well; and the area of what alpha leaves of the
+// Gaussian, by its variances, over the Gaussian's.
 function meanOf(texels, side, x, y, across, down, mean) {
-  let red = 0, green = 0, blue = 0, alpha = 0, weights = 0;
+  let red = 0, green = 0, blue = 0, alpha = 0, weights = 0, own = 0;
+  let placeU = 0, placeV = 0, squareU = 0, squareV = 0;
   for (const v of down) {
     const upper = 4 * ((y + v.first) * side + x), lower = 4 * ((y + v.second) * side + x);
     for (const u of across) {
@@ -314,6 +317,11 @@ function meanOf(texels, side, x, y, across, down, mean) {
       blue += w * (wa * texels[a + 2] + wb * texels[b + 2] + wc * texels[c + 2] + wd * texels[d + 2]);
       alpha += w;
       weights += weight;
+      own += weight * u.at * u.at;
+      placeU += w * u.at;
+      placeV += w * v.at;
+      squareU += w * u.at * u.at;
+      squareV += w * v.at * v.at;
     }
   }
   const over = alpha > 0 ? 1 / alpha : 0;
@@ -321,13 +329,23 @@ function meanOf(texels, side, x, y, across, down, mean) {
   mean[1] = green * over;
   mean[2] = blue * over;
   mean[3] = alpha / weights;
+  const varianceU = Math.max(squareU * over - (placeU * over) ** 2, 0);
+  const varianceV = Math.max(squareV * over - (placeV * over) ** 2, 0);
+  mean[4] = Math.sqrt(varianceU * varianceV) * weights / own;
 }
 
-// Opacity and colour as they were before the textures' means went into them.
+// What stands in for alpha of some mean above 0 and area: a factor of the opacity and of the scales.
+function standIn(alpha, area) {
+  const part = Math.min(Math.max(area, alpha, 1 / 64), 1);
+  const scale = Math.exp(-Math.round(-8 * Math.log(part)) / 16);
+  return {opacity: Math.min(alpha / scale ** 2, 1), scale};
+}
+
+// Opacity, colour and, where they are fitted, scales as they were before what stands in for the textures went into them.
 async function takeOffBase(file, layer) {
-  const taps = new Map(), mean = new Float64Array(4);
+  const taps = new Map(), mean = new Float64Array(5);
   const tapsFor = (size) => taps.get(size) || taps.set(size, tapsOf(size)).get(size);
-  const {rects, pages, atlases, opacity, dc} = layer;
+  const {rects, pages, atlases, opacity, dc, scale} = layer;
   for (let i = 0; i < file.count; ++i) {
     if (i % 256 === 0) await breathe();
     const width = rects[4 * i + 2], height = rects[4 * i + 3];
@@ -335,7 +353,10 @@ async function takeOffBase(file, layer) {
     const {texels, width: side} = atlases[pages[i]];
     meanOf(texels, side, rects[4 * i], rects[4 * i + 1], tapsFor(width), tapsFor(height), mean);
     for (let k = 0; k < 3; ++k) dc[3 * i + k] -= mean[k] / SH_C0;
-    if (layer.mode & MODES.alpha && mean[3] > 0) opacity[i] = Math.min(opacity[i] / mean[3], 1);
+    if (!(layer.mode & MODES.alpha && mean[3] > 0)) continue;
+    const base = scale ? standIn(mean[3], mean[4]) : {opacity: mean[3]};
+    opacity[i] = Math.min(opacity[i] / base.opacity, 1);
+    for (let k = 0; scale && k < 3; ++k) scale[3 * i + k] /= base.scale;
   }
 }
 

@@ -62,7 +62,7 @@ TEST_CASE("a textured file for a viewer shows our readers what it did, and that 
   CHECK(renderedPsnr(before, textured, views, source.background) > lost - 0.05);
   const GaussianModel base = readModel(out, {.base_only = true}).model;
   REQUIRE(base.size() == textured.size());
-  const FitViews held = fitViews(bakeFallback(before), views, source.background, 256);
+  const FitViews held = fitViews(bakeFallback(before, FallbackScale::kept), views, source.background, 256);
   CHECK(viewerPsnr(base, SplatViewer::three, held) >
         viewerPsnr(readModel(plain, {.base_only = true}).model, SplatViewer::three, held));
 }

@@ -322,7 +322,7 @@ TEST_CASE("decimation leaves each place of a wide scene something that only one 
 TEST_CASE("merged pairs are worth more than what removal leaves, with textures, too") {
   const Bundle sample = readBundle("docs/sample.tgz");
   GaussianModel plain = sample.model;
-  plain = bakeFallback(plain);
+  plain = bakeFallback(plain, FallbackScale::fitted);
   const std::vector<Camera> views = contributionViews(plain, sample.cameras);
   const std::vector<Camera> judges = qualityViews(plain, sample.cameras);
   for (const double part : {0.75, 0.5, 0.25}) {
@@ -540,7 +540,7 @@ TEST_CASE("resized and dropped textures look as much like the model as their siz
   CHECK(framePsnr(before, referenceFrame(finer, scene.camera)) > 90.0);
   GaussianModel coarser = scene.model, plain = scene.model;
   resizeTextures(coarser, 2, 2);
-  plain = bakeFallback(plain);
+  plain = bakeFallback(plain, FallbackScale::fitted);
   checkModel(coarser, "coarser");
   CHECK(plain.texture_mode == TextureMode::none);
   const double with_two = framePsnr(before, referenceFrame(coarser, scene.camera));

@@ -337,7 +337,7 @@ TEST_CASE("colours of linear light are turned to sRGB") {
   const Scratch scratch;
   const Bundle sample = readBundle("docs/sample.tgz");
   Camera camera = sample.cameras[0];
-  writeGlb(scratch.folder() / "small.glb", {bakeFallback(sample.model), {}, glm::vec3(0.0f)});
+  writeGlb(scratch.folder() / "small.glb", {bakeFallback(sample.model, FallbackScale::fitted), {}, glm::vec3(0.0f)});
   Glb glb = Glb::read(scratch.folder() / "small.glb");
   glb.splatting()["colorSpace"] = "lin_rec709_display";
   const Bundle loaded = readModel(scratch.write("linear.glb", glb.bytes()));

@@ -136,7 +136,7 @@ TEST_CASE("texels in steps are rounded once, by at most what their weight allows
   const Scratch scratch;
   const double step = GENERATE(1.0 / 512, 1.0 / 32, 1.0 / 8);
   const GaussianModel model = test::makeScene(SceneKind::mixed, 72, 200).model;
-  const GaussianModel base = bakeFallback(model);
+  const GaussianModel base = bakeFallback(model, FallbackScale::kept);
   const TexelSteps steps = texelStepsOf(model.atlas, step);
   const TextureAtlas atlas = texelsInSteps(model, base, steps);
   for (std::size_t i = 0; i < model.size(); ++i) {

@@ -229,7 +229,7 @@ TEST_CASE("where others are to see other scales, those to use with the texture h
   const std::string own = "TG_gaussian_splatting_texture:SCALE";
   CHECK(!written(model, scratch).primitive()["attributes"].contains(own));
   const GaussianModel whole = readModel(path).model;
-  GaussianModel base = bakeFallback(model);
+  GaussianModel base = bakeFallback(model, FallbackScale::kept);
   test::Random random(28);
   for (glm::vec3& log_scale : base.log_scale) log_scale += glm::vec3(random.uniformVec3(-1.0, 1.0));
   for (const bool quantized : {false, true}) {

@@ -214,12 +214,38 @@ TEST_CASE("SOG: textures come back, and other readers see the fallback") {
     GaussianModel base = readSog(path, true).model;
     base.intersection = model.intersection;  // which SOG has no word for
     CHECK(base.texture_mode == TextureMode::none);
-    CHECK(renderedPsnr(bakeFallback(sorted), base, views, glm::vec3(0.0f)) > 40);
+    CHECK(renderedPsnr(bakeFallback(sorted, FallbackScale::kept), base, views, glm::vec3(0.0f)) > 40);
     // Coarser steps, fewer bytes.
     const std::uintmax_t fine = std::filesystem::file_size(path);
     writeSog(path, model, {.texture_step = 1.0f / 8});
     CHECK(std::filesystem::file_size(path) < fine);
   }
+}
+
+TEST_CASE("SOG: the base of shared textures has their alpha in its scales, which readers of textures take off again") {
+  const Scratch scratch;
+  test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 19, 60);
+  GaussianModel& model = scene.model;
+  constexpr int kSide = 8;
+  model.texture_mode = TextureMode::rgba;
+  model.atlas = makeUniformAtlas(model.size(), kSide, kSide);
+  for (std::size_t t = 0; t < model.atlas.texels.size(); ++t) {
+    const int u = static_cast<int>(t % kSide), v = static_cast<int>(t / kSide % kSide);
+    model.atlas.texels[t] = {0, 0, 0, u >= 2 && u < 6 && v >= 2 && v < 6 ? 1 : 0};
+  }
+  const auto path = scratch.folder() / "a.sog";
+  const GaussianModel sorted = select(model, writeSog(path, model));
+  GaussianModel out = readSog(path).model, base = readSog(path, true).model;
+  base.intersection = model.intersection;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    REQUIRE(shortestAxis(sorted.log_scale[i]) == shortestAxis(out.log_scale[i]));
+    CHECK(glm::length(out.log_scale[i] - sorted.log_scale[i]) < 0.1f);
+    CHECK(glm::length(base.log_scale[i] - out.log_scale[i] + glm::vec3(0.0625f)) < 1e-5f);
+  }
+  const std::vector<Camera> views = {scene.camera};
+  CHECK(renderedPsnr(sorted, out, views, glm::vec3(0.0f)) > 40);
+  CHECK(renderedPsnr(sorted, base, views, glm::vec3(0.0f)) >
+        renderedPsnr(sorted, bakeFallback(sorted, FallbackScale::kept), views, glm::vec3(0.0f)) + 1);
 }
 
 TEST_CASE("SOG: a check finds what is wrong with the textures alone") {
