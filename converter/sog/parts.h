@@ -35,7 +35,7 @@ constexpr double kSharedReach = 1.0;  // that bytes of such a texture have at le
 inline double texelStep(double step, double spread, bool shared) {
   return shared ? std::max(step * spread, kSharedReach / kByteSteps) : step * spread;
 }
-// Of the base. Files with textures of a Gaussian's own were read before scales could be fitted.
+// Of the base. Readers of the first version, textures of a Gaussian's own, know no other scales than the base's.
 inline FallbackScale fallbackScale(bool shared) { return shared ? FallbackScale::fitted : FallbackScale::kept; }
 // Texels of all Gaussians that share theirs: as many as an image of a texture a Gaussian could hold.
 constexpr std::uint64_t kMostHandedOut = std::uint64_t{1} << 28;

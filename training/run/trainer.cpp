@@ -595,7 +595,8 @@ void Trainer::quantizeNext() {
         break;
       case Quantized::texelsAndOpacity:
         model.opacity_logit = std::move(stored.opacity_logit);
-        model.log_scale = stored.log_scale;  // those of a file's base follow from the texels
+        // Of what shares textures a file's scales follow from the texels (converter/sog).
+        if (areShared(textureGroups(stored.atlas))) model.log_scale = stored.log_scale;
         copyTexels(stored.atlas, model.atlas);
         break;
       case Quantized::shRest:

@@ -330,6 +330,25 @@ TEST_CASE("with a dictionary Gaussians share its textures to the end, and it lea
   }
 }
 
+TEST_CASE("scales that a file takes from shared textures are those of the texels that it holds", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.texture_dictionary = 4;
+  settings.quantize_iterations = 30;
+  const auto follow = [](tg::GaussianModel model) {
+    for (std::size_t i = 0; i < model.size(); ++i) {
+      model.log_scale[i] = glm::vec3(-3.0f - model.atlas.texels[model.atlas.rects[i].offset + 5].a);
+    }
+    return model;
+  };
+  tg::Trainer trainer(dataset, settings, *renderer);
+  trainer.onQuantizing([&](const tg::GaussianModel& model, float&) { return follow(model); });
+  while (trainer.step()) continue;
+  const tg::GaussianModel model = trainer.model();
+  CHECK(model.log_scale == follow(model).log_scale);
+}
+
 TEST_CASE("a dictionary of more textures than half of the Gaussians is kept in training for a file", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
