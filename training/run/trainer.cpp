@@ -596,7 +596,7 @@ void Trainer::quantizeNext() {
       case Quantized::texelsAndOpacity:
         model.opacity_logit = std::move(stored.opacity_logit);
         // Of what shares textures a file's scales follow from the texels (converter/sog).
-        if (areShared(textureGroups(stored.atlas))) model.log_scale = stored.log_scale;
+        if (areShared(textureGroups(model.atlas))) model.log_scale = stored.log_scale;
         copyTexels(stored.atlas, model.atlas);
         break;
       case Quantized::shRest:
