@@ -15,6 +15,7 @@
 #include "converter/registry/file_format.h"
 #include "core/file/atomic_files.h"
 #include "core/file/scratch_folder.h"
+#include "core/model/equivalent_axes.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 
@@ -119,11 +120,14 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
   const std::filesystem::path file = folder.path() / std::filesystem::path(path).filename();
   Written written;
   writeTrial(outputFormat(path), file, path, scene, {.steps = steps}, written);
-  const GaussianModel stored = readModel(file).model;
-  if (written.order.empty()) return stored;
-  std::vector<std::uint32_t> place(written.order.size());
-  for (std::size_t j = 0; j < place.size(); ++j) place[written.order[j]] = static_cast<std::uint32_t>(j);
-  return select(stored, place);
+  GaussianModel stored = readModel(file).model;
+  if (!written.order.empty()) {
+    std::vector<std::uint32_t> place(written.order.size());
+    for (std::size_t j = 0; j < place.size(); ++j) place[written.order[j]] = static_cast<std::uint32_t>(j);
+    stored = select(stored, place);
+  }
+  renameAxesTowards(stored, model.rotation);
+  return stored;
 }
 
 std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "converter/formats/little_endian.h"
-#include "converter/formats/morton.h"
+#include "converter/formats/space_curve.h"
 #include "converter/formats/read_compressed_ply.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
@@ -102,7 +102,7 @@ std::string headerOf(std::size_t count, std::size_t rest) {
 Bytes formatCompressedPly(const GaussianModel& model, CompressedPlyReport& report) {
   TG_ASSERT(lengthsAgree(model) && model.size() > 0, "a model with Gaussians, its arrays of their lengths");
   const std::size_t count = model.size(), row = model.shCount(), rest = row - 1;
-  report.order = mortonOrder(model.mean);
+  report.order = hilbertOrder(model.mean);
   const std::string text = headerOf(count, rest);
   Bytes bytes(text.begin(), text.end()), splats, sh;
   splats.reserve(16 * count);

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "converter/formats/gaussian_blocks.h"
-#include "converter/formats/morton.h"
+#include "converter/formats/space_curve.h"
 #include "converter/formats/repair.h"
 #include "converter/gltf/attribute_filters.h"
 #include "converter/gltf/axes.h"
@@ -28,6 +28,7 @@
 #include "core/file/atomic_files.h"
 #include "core/image/image.h"
 #include "core/image/webp.h"
+#include "core/model/equivalent_axes.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
@@ -523,11 +524,12 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
             "steps that the formats have, of a model in memory");
   options.quantize = options.meshopt = true;
   if (!options.texture_step) options.texture_step = kTextureStep;
-  std::vector<std::uint32_t> order = mortonOrder(content.model.mean);
+  std::vector<std::uint32_t> order = hilbertOrder(content.model.mean);
   std::ranges::stable_sort(order, {}, [&](std::uint32_t i) {
     return std::ranges::upper_bound(options.parts, std::size_t{i}) - options.parts.begin();
   });
-  const GaussianModel ordered = select(content.model, order);
+  GaussianModel ordered = select(content.model, order);
+  renameAxesForCoding(ordered);
   const GaussianModel ordered_base = options.base ? select(*options.base, order) : GaussianModel();
   if (options.base) options.base = &ordered_base;
   GltfReport report = write(path, {ordered, content.cameras, content.background, options}, binary);

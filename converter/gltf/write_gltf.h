@@ -35,7 +35,7 @@ struct WriteOptions {
   bool quantize = false;
   bool meshopt = false;  // EXT_meshopt_compression, which readers must then know
   // Times as wide are the steps of all numbers: of sog (converter/sog/sog.h; without one: 1); of glb, gltf with
-  // quantize and meshopt, without COLOR_0, in Morton order (converter/gltf/attribute_filters.h). kLeastSteps to
+  // quantize and meshopt, without COLOR_0, along a Hilbert curve (converter/gltf/attribute_filters.h). kLeastSteps to
   // kMostSteps.
   std::optional<float> steps = {};
   // Between a texture's colours, coarser where they weigh less. sog, and glb, gltf with `steps`: without one

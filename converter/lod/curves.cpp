@@ -3,12 +3,25 @@
 #include "converter/lod/curves.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <glm/common.hpp>
 #include <utility>
 
-#include "converter/formats/morton.h"
-
 namespace tg {
+namespace {
+
+// p in [0, 1]^3 on a space-filling curve: 21 bits an axis, interleaved.
+std::uint64_t mortonCode(glm::dvec3 p) {
+  constexpr int bits = 21;
+  const glm::dvec3 scaled = glm::clamp(p, 0.0, 1.0) * static_cast<double>((1 << bits) - 1);
+  std::uint64_t code = 0;
+  for (int bit = bits - 1; bit >= 0; --bit) {
+    for (int k = 0; k < 3; ++k) code = code << 1 | (static_cast<std::uint64_t>(scaled[k]) >> bit & 1);
+  }
+  return code;
+}
+
+}  // namespace
 
 std::array<std::vector<std::uint32_t>, 2> curveOrders(std::span<const glm::dvec3> places) {
   constexpr double kShifts[] = {0.0, 0.37}, kPart = 0.6;  // of the curves' cube

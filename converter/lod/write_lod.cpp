@@ -12,7 +12,7 @@
 #include <span>
 #include <string>
 
-#include "converter/formats/morton.h"
+#include "converter/formats/space_curve.h"
 #include "converter/lod/coarser.h"
 #include "converter/lod/lod_names.h"
 #include "converter/lod/lod_scene.h"
@@ -38,7 +38,7 @@ namespace fs = std::filesystem;
 constexpr float kFarthest = 1e30f;  // [world units] that a box reaches, where Gaussians have no end
 
 struct Leaf {
-  std::span<std::uint32_t> gaussians;  // of the model, in Morton order
+  std::span<std::uint32_t> gaussians;  // of the model, along a Hilbert curve
   Box means;
   Box bound;
   std::vector<GaussianModel> coarse;  // levels from 1 on
@@ -70,12 +70,12 @@ std::size_t addNode(Tree& tree, std::span<const glm::vec3> places, std::span<std
   return tree.nodes.size() - 1;
 }
 
-void orderByMorton(std::span<const glm::vec3> places, std::span<std::uint32_t> part) {
+void orderAlongCurve(std::span<const glm::vec3> places, std::span<std::uint32_t> part) {
   std::ranges::sort(part);
   std::vector<glm::vec3> own;
   for (const std::uint32_t i : part) own.push_back(places[i]);
   std::vector<std::uint32_t> ordered;
-  for (const std::uint32_t j : mortonOrder(own)) ordered.push_back(part[j]);
+  for (const std::uint32_t j : hilbertOrder(own)) ordered.push_back(part[j]);
   std::ranges::copy(ordered, part.begin());
 }
 
@@ -284,7 +284,7 @@ class Writer {
     parallelFor(static_cast<std::int64_t>(tree_.leaves.size()), 1, [&](std::int64_t item) {
       const auto i = static_cast<std::size_t>(item);
       Leaf& leaf = tree_.leaves[i];
-      orderByMorton(source_.model.mean, leaf.gaussians);
+      orderAlongCurve(source_.model.mean, leaf.gaussians);
       const GaussianModel finest = select(source_.model, leaf.gaussians);
       leaf.bound = boundOf(finest);
       for (std::size_t level = 1; level < counts.size(); ++level) {

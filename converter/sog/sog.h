@@ -33,8 +33,9 @@ struct SogOptions {
   float texture_step = kTextureStep;
 };
 
-// In Morton order, which is returned: Gaussian j of the file is Gaussian order[j] of the model. Textured models keep
-// their textures; the base that other readers show is bakeFallback's. Same model in, same bytes out. Atomic. Throws
+// Along a Hilbert curve, in the order that is returned: Gaussian j of the file is Gaussian order[j] of the model. Axes
+// of Gaussians without a texture may come back renamed (core/model/equivalent_axes.h). Textured models keep their
+// textures; the base that other readers show is bakeFallback's. Same model in, same bytes out. Atomic. Throws
 // Error(cannotWrite), Error(badData) for a texture of more than 255 texels a side and for more Gaussians or texels than
 // images of 16383 pixels a side hold.
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,

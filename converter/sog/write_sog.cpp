@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "converter/formats/morton.h"
+#include "converter/formats/space_curve.h"
 #include "converter/formats/texel_spread.h"
 #include "converter/sog/codebook.h"
 #include "converter/sog/parts.h"
@@ -14,6 +14,7 @@
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/image/webp.h"
+#include "core/model/equivalent_axes.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
@@ -382,13 +383,14 @@ std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, con
   TG_ASSERT(options.steps >= kLeastSteps && options.steps <= kMostSteps && options.texture_step > 0,
             "steps that the format has");
   if (model.size() == 0) throw Error(ErrorKind::badData, path, "the model has no Gaussians");
+  renameAxesForCoding(model);
   return SogWriter(std::move(model), options, path).write();
 }
 
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
                                     const SogOptions& options) {
   std::vector<std::uint32_t> order;
-  if (model.size() > 0) order = mortonOrder(model.mean);
+  if (model.size() > 0) order = hilbertOrder(model.mean);
   const std::vector<ZipEntry> entries = sogFiles(select(model, order), path.string(), options);
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries, path); });
   return order;

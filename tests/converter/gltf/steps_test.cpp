@@ -7,7 +7,7 @@
 #include "converter/check.h"
 #include "converter/convert.h"
 #include "converter/edit/quality.h"
-#include "converter/formats/morton.h"
+#include "converter/formats/space_curve.h"
 #include "converter/formats/texel_spread.h"
 #include "converter/glb.h"
 #include "converter/gltf/meshopt.h"
@@ -104,7 +104,7 @@ TEST_CASE("a GLB in steps: near at 1, smaller and coarser the wider they are, in
     const GltfContent content = {scene.model, {}, glm::vec3(0.0f), {.atlas = AtlasFormat::webp, .steps = steps}};
     const GltfReport report = writeGlb(path, content);
     const std::string bytes = Glb::slurp(path);
-    CHECK(report.order == mortonOrder(scene.model.mean));
+    CHECK(report.order == hilbertOrder(scene.model.mean));
     const GaussianModel sorted = select(scene.model, report.order), out = readGltf(path).model;
     REQUIRE(out.size() == sorted.size());
     const double psnr = renderedPsnr(sorted, out, views, glm::vec3(0.0f));
