@@ -3,6 +3,7 @@
 """The best picture per byte, with textures and without: trains both, writes them as .sog and scores the files.
 
     bench/frontier.py run    --data DATA --work WORK [--only GLOB]...
+    bench/frontier.py again  --data DATA --work WORK [--only GLOB]...   files of done cells whose models WORK keeps
     bench/frontier.py frames --work WORK [--only GLOB]...     processor milliseconds a frame of what is done
     bench/frontier.py list   [--only GLOB]...         every cell, and whether it is done
     bench/frontier.py report                          docs/frontier.md and docs/images/frontier.svg from the cells
@@ -49,6 +50,7 @@ SIZES = [25, 50, 100, 200, 400, 800]  # [kB] of the table by size
 STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
 QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
+CODEC = 2  # of the files: 1 before Gaussians stood along a Hilbert curve with renamed axes; a cell names its own
 SIDE = 8  # [texels] of the textures that are cut
 FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs' at half size
 PLOTS_A_ROW = 4
@@ -133,14 +135,31 @@ class Driver:
         """The cell's model, written with every width of steps."""
         scene, begun, run = name.split("/")[0], commit(), self.options.work / name
         model = self.model(name)
-        report = {"cell": name, "commit": begun, "machine": machine(), "training": training_of(model),
-                  "model": self.score(scene, model, run), "files": []}
+        return {"cell": name, "commit": begun, "machine": machine(), "training": training_of(model),
+                "model": self.score(scene, model, run), "codec": CODEC, "files": self.files(scene, model, run)}
+
+    def files(self, scene, model, run):
+        """Of every width of steps, scored."""
+        files = []
         for steps in STEPS:
             file = run / f"steps-{steps}.sog"
             subprocess.run([self.options.bin / "tgconvert", model, file, "--steps", str(steps), "--overwrite",
                             "--quiet"], check=True)
-            report["files"].append({"steps": steps, "bytes": file.stat().st_size, **self.score(scene, file, run)})
-        return report
+            files.append({"steps": steps, "bytes": file.stat().st_size, **self.score(scene, file, run)})
+        return files
+
+    def again(self, name):
+        """Cuts a done cell's model again, if it is there and its files are of an older codec."""
+        path, run = CELLS / f"{name}.json", self.options.work / name
+        report = json.loads(path.read_text()) if path.exists() else {}
+        if not report or report.get("codec", 1) >= CODEC or not (run / "model.tgz").exists():
+            return
+        print(name, file=sys.stderr, flush=True)
+        if training_of(run / "model.tgz") != report["training"]:
+            sys.exit(f"{run}: another model than the cell's")
+        files = self.files(name.split("/")[0], run / "model.tgz", run)
+        write(path, {**{key: value for key, value in report.items() if key != "trained"}, "codec": CODEC,
+                     "files": files})
 
     def trained_for(self, name):
         """The files for which its model goes on."""
@@ -189,9 +208,15 @@ def write(path, report):
 
 
 def of_others(found):
-    """What the report says of cells whose "note" names how they were made otherwise than they would be now."""
+    """What the report says of cells that were made otherwise than they would be now: "note" names how."""
     notes = [report["note"] for report in found.values() if "note" in report]
-    return "".join(f" {notes.count(note)} cells are of {note}." for note in sorted(set(notes)))
+    text = "".join(f" {notes.count(note)} cells are of {note}." for note in sorted(set(notes)))
+    old = sum(report.get("codec", 1) < CODEC for report in found.values())
+    if old:
+        text += (f" Files of {old} cells are larger than the same models' would be now, plain ones by 2 to 4 %, those "
+                 "with textures by about 1 % ([lab/converter.md](lab/converter.md#sog)): beside them textures gain up "
+                 "to 0.1 dB less.")
+    return text
 
 
 def training_of(model):
@@ -496,7 +521,7 @@ def standalone(pictures):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("verb", choices=["run", "frames", "list", "report"])
+    parser.add_argument("verb", choices=["run", "again", "frames", "list", "report"])
     parser.add_argument("--data", type=pathlib.Path, help="where the scenes' folders are")
     parser.add_argument("--work", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bin")
@@ -519,14 +544,14 @@ def main():
         for name in chosen:
             print("done   " if (CELLS / f"{name}.json").exists() else "missing", name)
         return
-    if not options.work or (options.verb == "run" and not options.data):
-        parser.error("expected " + ("--data and --work" if options.verb == "run" else "--work"))
+    if not options.work or (options.verb in ("run", "again") and not options.data):
+        parser.error("expected " + ("--work" if options.verb == "frames" else "--data and --work"))
     driver = Driver(options)
     if options.verb == "frames":
         for name in chosen:
             driver.frames(name)
         return
-    side_by_side(driver.run, chosen, options.jobs)
+    side_by_side(driver.again if options.verb == "again" else driver.run, chosen, options.jobs)
 
 
 if __name__ == "__main__":

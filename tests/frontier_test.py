@@ -130,6 +130,38 @@ class Frontier(unittest.TestCase):
             self.assertEqual(len(json.loads((folder / "cells" / f"{name}.json").read_text())["trained"]),
                              len(frontier.TRAINED))
 
+    def test_files_of_an_older_codec_are_cut_again_from_the_models_that_are_left(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder, cut = pathlib.Path(folder), []
+            names = [f"fox/{count}/sh1/plain/1" for count in (850, 1700, 3400)]
+            for name in names:
+                add(folder / "cells", name, (10000, 20.0))
+                path = folder / "cells" / f"{name}.json"
+                codec = frontier.CODEC if name == names[2] else frontier.CODEC - 1
+                path.write_text(json.dumps({**json.loads(path.read_text()), "training": {"seed": 1}, "codec": codec,
+                                            "trained": []}))
+                if name != names[1]:
+                    (folder / "work" / name).mkdir(parents=True)
+                    (folder / "work" / name / "model.tgz").touch()
+            driver = frontier.Driver(argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu",
+                                                        threads=1, cut=True))
+            driver.files = lambda scene, model, run: cut.append(scene) or [{"steps": 1, "bytes": 9000, "psnr": 20.0}]
+            training = {"seed": 1}
+            with unittest.mock.patch.multiple(frontier, CELLS=folder / "cells", training_of=lambda _: training):
+                for name in names:
+                    driver.again(name)
+                done = [json.loads((folder / "cells" / f"{name}.json").read_text()) for name in names]
+                training["seed"] = 2
+                (folder / "work" / names[1]).mkdir(parents=True)
+                (folder / "work" / names[1] / "model.tgz").touch()
+                with self.assertRaises(SystemExit):  # of a model that is not the cell's
+                    driver.again(names[1])
+        self.assertEqual(cut, ["fox"])
+        self.assertEqual(done[0]["files"][0]["bytes"], 9000)
+        self.assertEqual(done[0]["codec"], frontier.CODEC)
+        self.assertNotIn("trained", done[0])
+        self.assertEqual([report["files"][0]["bytes"] for report in done[1:]], [10000, 10000])
+
     def test_cells_side_by_side_train_what_they_begin_with_once(self):
         with tempfile.TemporaryDirectory() as folder:
             folder, runs, most, now = pathlib.Path(folder), [], [0], set()

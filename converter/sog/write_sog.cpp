@@ -58,12 +58,26 @@ double stepped(double value, double step, double last) {
   return std::clamp(std::round(std::round(value / used) * used), 0.0, last);
 }
 
+// To thousandths, which are short in meta.json, if the values of the codebook lie far enough apart for that.
+void shorten(std::vector<float>& codebook) {
+  constexpr double kParts = 1000, kApart = 4 / kParts;
+  const auto close = [](float a, float b) { return static_cast<double>(b) - a < kApart; };
+  if (std::ranges::adjacent_find(codebook, close) != codebook.end()) return;
+  for (float& value : codebook) value = static_cast<float>(std::round(value * kParts) / kParts);
+}
+
+// The least number of three digits from `step` > 0 on: its multiples are short in meta.json.
+double inThreeDigits(double step) {
+  const double unit = std::pow(10.0, std::floor(std::log10(step)) - 2);
+  return std::ceil(step / unit - 1e-9) * unit;
+}
+
 // Multiples of `step`, or of the least step with which sog::kCodebook of them reach from the least number to the
 // largest. With the coder behind it better than as few values that fit best.
 std::vector<float> evenCodebook(std::span<const float> numbers, double step) {
   const auto [low, high] = std::minmax_element(numbers.begin(), numbers.end());
   const double range = static_cast<double>(*high) - static_cast<double>(*low);
-  const double used = std::max(step, range / (sog::kCodebook - 2));
+  const double used = inThreeDigits(std::max(step, range / (sog::kCodebook - 2)));
   std::vector<float> codebook;
   const double first = std::round(*low / used);
   // Numbers far out, where adding 1 to `first` may change nothing, still make no more than fit.
@@ -146,8 +160,9 @@ class SogWriter {
 
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
-    const std::vector<float> codebook = makeCodebook(
-        numbers, static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, own_textures_))));
+    const auto size = static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, own_textures_)));
+    std::vector<float> codebook = makeCodebook(numbers, size);
+    if (codebook.size() == size) shorten(codebook);
     Json files;
     BytePixels& pixels = image(files, "scales.webp", model_.size());
     for (std::size_t i = 0; i < model_.size(); ++i) {
