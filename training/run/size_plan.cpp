@@ -14,14 +14,14 @@
 namespace tg {
 namespace {
 
-// Of .sog files at steps of 2.
-constexpr double kFileBytes = 3000;                                         // names, codebooks, heads of images
-constexpr std::array<double, 4> kGaussianBytes = {10.7, 13.5, 17.2, 21.8};  // by SH degree
-constexpr double kTexelBytes = 1.25;
-constexpr double kSharedTexelBytes = 1.7;  // of 8 x 8
-constexpr double kChoiceBytes = 0.4;       // a Gaussian's: which texture it has, and how it lies
+// Of .sog files at steps of 4.
+constexpr double kFileBytes = 2500;                                        // names, codebooks, heads of images
+constexpr std::array<double, 4> kGaussianBytes = {8.8, 11.3, 13.8, 17.0};  // by SH degree
+constexpr double kTexelBytes = 0.95;
+constexpr double kSharedTexelBytes = 1.3;  // of 8 x 8
+constexpr double kChoiceBytes = 0.65;      // a Gaussian's: which texture it has, and how it lies
 // How many textures are shared, and which part of a file they may take for that (docs/frontier.md).
-constexpr std::array<std::pair<int, double>, 3> kShared = {{{256, 0.1}, {64, 0.2}, {16, 0.2}}};
+constexpr std::array<std::pair<int, double>, 3> kShared = {{{256, 0.08}, {64, 0.15}, {16, 0.15}}};
 constexpr double kMostTexels = 8;        // a Gaussian
 constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes

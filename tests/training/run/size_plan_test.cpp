@@ -46,5 +46,5 @@ TEST_CASE("a plan has shared textures where they are a small part of the file", 
 
 TEST_CASE("a size without room for anything is refused with the least", "[size plan]") {
   CHECK_THROWS_WITH(planForSize(1000, 1, 1, 3, TextureMode::rgba),
-                    "--target-size is out of reach (expected at least 5180 bytes, found 1000)");
+                    "--target-size is out of reach (expected at least 4200 bytes, found 1000)");
 }
