@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "converter/formats/little_endian.h"
-#include "converter/formats/space_curve.h"
 #include "converter/formats/read_compressed_ply.h"
+#include "converter/formats/space_curve.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"

@@ -16,8 +16,8 @@ struct CompressedPlyReport {
   std::size_t clipped_sh = 0;        // Gaussians with a coefficient of degree 1 to 3 outside [-4, 4]
 };
 
-// Without textures: bake them first (core/model/fallback.h). In the order of converter/formats/space_curve.h, since what
-// a chunk spans is what its 8 to 11 bits have to span; in the model's axes. Same model in, same bytes out.
+// Without textures: bake them first (core/model/fallback.h). In the order of converter/formats/space_curve.h, since
+// what a chunk spans is what its 8 to 11 bits have to span; in the model's axes. Same model in, same bytes out.
 std::vector<std::uint8_t> formatCompressedPly(const GaussianModel& model, CompressedPlyReport& report);
 // Atomic. Throws Error(cannotWrite), Error(badData) for a model without Gaussians.
 CompressedPlyReport writeCompressedPly(const std::filesystem::path& path, const GaussianModel& model);

@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "converter/formats/gaussian_blocks.h"
-#include "converter/formats/space_curve.h"
 #include "converter/formats/repair.h"
+#include "converter/formats/space_curve.h"
 #include "converter/gltf/attribute_filters.h"
 #include "converter/gltf/axes.h"
 #include "converter/gltf/builder.h"

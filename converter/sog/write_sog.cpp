@@ -160,7 +160,8 @@ class SogWriter {
 
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
-    const auto size = static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, own_textures_)));
+    const auto size =
+        static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, own_textures_)));
     std::vector<float> codebook = makeCodebook(numbers, size);
     if (codebook.size() == size) shorten(codebook);
     Json files;

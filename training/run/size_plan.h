@@ -9,9 +9,10 @@
 namespace tg {
 
 // What training is to make so that a file of `bytes`, `part` times as many as a .sog takes, holds it with steps near
-// 4, with which more Gaussians show more than finer steps would (docs/lab/quality.md, "Training for the file"): how many
-// Gaussians, and with a texture mode how many texels each of them in the mean. From bytes a Gaussian and a texel as
-// measured; the steps of the file make up for what another scene takes. Throws Error(usage) for fewer bytes than a hundred Gaussians need.
+// 4, with which more Gaussians show more than finer steps would (docs/lab/quality.md, "Training for the file"): how
+// many Gaussians, and with a texture mode how many texels each of them in the mean. From bytes a Gaussian and a texel
+// as measured; the steps of the file make up for what another scene takes. Throws Error(usage) for fewer bytes than a
+// hundred Gaussians need.
 struct SizePlan {
   std::size_t gaussians = 0;
   double texels = 0;
