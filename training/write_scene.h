@@ -20,9 +20,9 @@ struct SceneSize {
   float steps = 0;          // of the format; 0: its own, or the finest for `bytes`
 };
 
-// `model` as a file at `path` will hold it, in its own order. Where `steps` are 0 it first sets them: the finest with
-// which `bytes` are not exceeded, with a hundredth of them to spare for what training still changes. Throws what the
-// writers throw.
+// `model` as a file at `path` will hold it, in its own order and with its own names of axes. Where `steps` are 0 it
+// first sets them: the finest with which `bytes` are not exceeded, with a hundredth of them to spare for what training
+// still changes. Throws what the writers throw.
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
                        float& steps);
 

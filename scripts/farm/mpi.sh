@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A farm under MPI, which only starts the workers: they speak by the shared folder, not by messages.
 #
-#   cd /share/scans && .../scripts/farm/mpi.sh jobs.jsonl farm 16 --hostfile hosts --map-by ppr:4:node
+#   cd SHARE/scans && .../scripts/farm/mpi.sh jobs.jsonl farm 16 --hostfile hosts --map-by ppr:4:node
 #
 # 16 workers, four a node, each with THREADS threads (2). What follows the number is for mpirun.
 set -eu

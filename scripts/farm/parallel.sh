@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # A farm over ssh by GNU parallel: a worker on every machine of a list, all with the same share.
 #
-#   .../scripts/farm/parallel.sh /share/scans/jobs.jsonl /share/scans/farm node1 node2 node3
+#   .../scripts/farm/parallel.sh SHARE/scans/jobs.jsonl SHARE/scans/farm node1 node2 node3
 #
-# Paths must mean the same everywhere, and tgtrain must be on the PATH of a shell without a terminal.
+# SHARE: where the share is mounted. Paths must mean the same everywhere, and tgtrain must be on the PATH of a shell without a terminal.
 set -eu
 if [ $# -lt 3 ]; then
   echo "usage: parallel.sh JOBS.jsonl FOLDER MACHINE..." >&2
