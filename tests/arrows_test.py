@@ -19,6 +19,7 @@ LEFT = {
     "core/run": ["core/system", "core/file"],
     "core/image": ["core/system", "core/file"],
     "core/model": ["core/system", "core/file", "core/image"],
+    "core/merge": ["core/system", "core/file", "core/image", "core/model"],
     "core/bundle": ["core/system", "core/file", "core/image", "core/model"],
     "render/reference": ["render"],
     "render/affine": ["render"],

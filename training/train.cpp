@@ -85,8 +85,8 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
   });
 }
 
-// What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md): SH degree
-// 1, and no textures where neither a flag nor the start model speaks of them; where one does, textures that Gaussians
+// What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md,
+// docs/lab/quality.md): SH degree 1, a limit that is kept by merging, and no textures where neither a flag nor the start model speaks of them; where one does, textures that Gaussians
 // share, if these can be trained (`shares`). A start model keeps its SH degree, one with textures its Gaussians and
 // their texels. Returns what to say of it.
 std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start, bool shares,
@@ -126,6 +126,7 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
                  : planForSize(options.target_bytes, part, training_pixels, settings.sh_degree, settings.texture_mode);
   const bool planned = !textured_start && !counted, cut = textured && !textured_start && !dealt_out && !dictionary;
   if (planned) settings.gaussians = plan.gaussians;
+  if (!given(is({"limit-by"}))) settings.limit_by = LimitBy::merge;
   if (cut) {
     settings.adaptive_texels = static_cast<float>(plan.texels);
     if (!sized) settings.texture_size = kPlannedTextureSize;

@@ -10,7 +10,6 @@
 #include <set>
 #include <utility>
 
-#include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
 #include "converter/edit/quality.h"
 #include "converter/edit/select.h"
@@ -19,6 +18,7 @@
 #include "converter/gltf/axes.h"
 #include "converter/registry/file_format.h"
 #include "core/bundle/training_json.h"
+#include "core/merge/decimate.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_budget.h"
 #include "core/model/texture_dictionary.h"
@@ -166,11 +166,13 @@ std::size_t countOf(const Bundle& loaded, const Edit& edit) {
 }
 
 void decimateTo(Bundle& loaded, const Edit& edit) {
-  decimate(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
+  const std::size_t count = countOf(loaded, edit);
+  decimate(loaded.model, count, blendWeights(loaded.model, contributionViews(loaded.model, loaded.cameras)));
 }
 
 void mergeTo(Bundle& loaded, const Edit& edit) {
-  decimateByMerging(loaded.model, countOf(loaded, edit), contributionViews(loaded.model, loaded.cameras));
+  const std::size_t count = countOf(loaded, edit);
+  decimateByMerging(loaded.model, count, blendWeights(loaded.model, contributionViews(loaded.model, loaded.cameras)));
 }
 
 void reduceSh(Bundle& loaded, const Edit& edit) {

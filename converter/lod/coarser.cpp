@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "converter/lod/curves.h"
-#include "converter/lod/merge_pair.h"
+#include "core/merge/curves.h"
+#include "core/merge/merge_pair.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_fit.h"
 #include "core/model/verbs.h"
@@ -129,8 +129,8 @@ class Merger {
 
   // How much larger the whole is than its parts and how their colours differ, as far as there is something of both.
   double cost(std::size_t a, std::size_t b) const {
-    const Moments &x = moments_[a], &y = moments_[b];
-    const Moments whole = merged(x, y);
+    const GaussianMoments &x = moments_[a], &y = moments_[b];
+    const GaussianMoments whole = merged(x, y);
     const double parts = (x.mass * areas_[a] + y.mass * areas_[b]) / whole.mass;
     const double growth = std::log(std::max(nearArea(whole.covariance) / parts, 1.0));
     const glm::vec3 color = colors_[a] - colors_[b];
@@ -146,10 +146,10 @@ class Merger {
   }
 
   GaussianModel& model_;
-  std::vector<std::uint32_t> alive_;  // in their order
-  std::vector<Moments> moments_;      // [N]
-  std::vector<double> areas_;         // [N]
-  std::vector<glm::vec3> colors_;     // [N] with those of textures
+  std::vector<std::uint32_t> alive_;      // in their order
+  std::vector<GaussianMoments> moments_;  // [N]
+  std::vector<double> areas_;             // [N]
+  std::vector<glm::vec3> colors_;         // [N] with those of textures
   AxisFits fits_;
 };
 

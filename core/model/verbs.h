@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <glm/gtc/quaternion.hpp>
 #include <span>
 #include <vector>
 
@@ -26,7 +27,12 @@ inline float logitFromOpacity(double opacity) {
 }
 
 inline double opacityOf(const GaussianModel& model, std::size_t i) { return sigmoid(model.opacity_logit[i]); }
-// [world units] along the local axes.
+// Columns: the directions of the local axes.
+inline glm::dmat3 axesOf(const GaussianModel& model, std::size_t i) {
+  const glm::vec4 q = model.rotation[i];
+  return glm::mat3_cast(glm::normalize(glm::dquat(q.x, q.y, q.z, q.w)));
+}
+// [world units] along them.
 inline glm::dvec3 sigmaOf(const GaussianModel& model, std::size_t i) {
   return glm::exp(glm::dvec3(model.log_scale[i]));
 }

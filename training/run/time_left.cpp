@@ -160,6 +160,7 @@ double TimeLeft::forEachPiece(const RunPlan& plan, Use use) const {
     const int next = std::min((at / every + 1) * every, last);
     use(next - at, count, at);
     at = next;
+    if (plan.merge_after > 0 && at >= plan.merge_after) count = std::min(count, static_cast<double>(plan.merged));
     if (!plan.densifies || !schedule_.densifies(at)) continue;
     more *= ratio;
     ratio = nextRatio(ratio);

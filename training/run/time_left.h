@@ -18,6 +18,8 @@ struct RunPlan {
   int left = 0;               // of this stage
   std::size_t gaussians = 0;  // now
   std::size_t limit = 0;      // of them in this stage; 0: none
+  std::size_t merged = 0;     // of them after so many iterations, if it has more until then
+  int merge_after = 0;        // 0: never
   bool swaps = false;         // at the limit Gaussians are replaced by others
   double growth = -1;         // MCMC: of the count, a round; -1: as the rounds before
   bool textured = false;      // this stage is one with textures

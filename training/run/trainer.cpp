@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "core/merge/decimate.h"
 #include "core/model/texture_budget.h"
 #include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
@@ -30,6 +31,7 @@ constexpr std::size_t kRandomPoints = 100'000;  // the Blender recipe of 3DGS
 constexpr int kFilterEvery = 100;               // steps between two updates of the 3D filter
 constexpr std::size_t kSeenViews = 16;          // that say what a Gaussian is worth, at least
 constexpr double kSwapped = 0.05;               // of the limit, a round
+constexpr std::size_t kMergedFrom = 4;          // limits grow before pairs are merged
 constexpr int kSettlingSteps = 500;             // after an opacity reset
 // The position rate of 3DGS, which MCMC's noise is a multiple of, whatever the rate here.
 constexpr float kNoiseRate = 1.6e-4f, kNoiseRateEnd = 1.6e-6f;
@@ -163,9 +165,16 @@ std::size_t Trainer::limit() const {
   return settings_.gaussians;
 }
 
-bool Trainer::swaps() const {
-  return limit() > 0 && settings_.densification == Densification::adc && settings_.limit_by == LimitBy::swap;
+std::size_t Trainer::limitNow() const {
+  const bool grows = merges() && state_.stage == Stage::plain && state_.iteration < schedule_.merge_after;
+  return grows ? kMergedFrom * limit() : limit();
 }
+
+bool Trainer::swaps() const {
+  return limit() > 0 && settings_.densification == Densification::adc && settings_.limit_by != LimitBy::room;
+}
+
+bool Trainer::merges() const { return limit() > 0 && schedule_.merge_after > 0; }
 
 // Most random points are nowhere near a surface: under a limit the first round finds out which are.
 bool Trainer::picks() const {
@@ -181,7 +190,7 @@ int Trainer::automaticTextureSize(std::size_t gaussians) const {
 
 GaussianModel Trainer::firstGaussians() const {
   std::size_t count = settings_.init_count;
-  if (limit() > 0 && !picks()) count = count ? std::min(count, limit()) : limit();
+  if (limit() > 0 && !picks()) count = count ? std::min(count, limitNow()) : limitNow();
   Random random = stream(settings_.seed, Stream::points);
   GaussianModel model;
   if (settings_.start == Start::points && !dataset_.points.position.empty()) {
@@ -310,6 +319,18 @@ void Trainer::requireSharing() const {
               "textures that Gaussians share are trained by one process (expected tgtrain without mpirun)");
 }
 
+// What has been merged starts with new moments, and all others with it: their first steps are larger, to settle into.
+void Trainer::mergePairs() {
+  if (engine_->gaussians(state_) <= limit()) return;
+  pull();
+  engine_->stateChanged();
+  GaussianModel& model = state_.training.model;
+  decimateByMerging(model, limit(), seenWeights());
+  resetMoments(state_.training);
+  state_.statistics.reset(model.size());
+  updateFilter();
+}
+
 // Leaves as many Gaussians, those that the training views show most, with their statistics.
 void Trainer::keepMostSeen(std::size_t count) {
   if (engine_->gaussians(state_) <= count) return;
@@ -335,7 +356,8 @@ void Trainer::splitWideOnes() {
   std::vector<glm::dvec3> eyes;
   for (const Pinhole& camera : filter_cameras_) eyes.push_back(camera.position());
   WideLimits limits{.bound = static_cast<double>(settings_.wide_sigma), .rounds = 1};
-  if (limit() > 0) limits.most_pieces = count < limit() ? (limit() - count) * 3 / 2 : 0;  // three in the place of one
+  const std::size_t most = limitNow();
+  if (most > 0) limits.most_pieces = count < most ? (most - count) * 3 / 2 : 0;  // three in the place of one
   const WidePieces split = splitWide(training.model, eyes, limits);
   if (split.wide.empty()) return;
   engine_->stateChanged();
@@ -419,7 +441,11 @@ RunPlan Trainer::plan() const {
   plan.iteration = state_.iteration;
   plan.left = iterations - state_.iteration;
   plan.gaussians = engine_->gaussians(state_);
-  plan.limit = limit();
+  plan.limit = limitNow();
+  if (plan.densifies && merges()) {
+    plan.merge_after = schedule_.merge_after;
+    plan.merged = limit();
+  }
   plan.swaps = plan.densifies && swaps();
   if (settings_.densification == Densification::mcmc) plan.growth = mcmcGrowth();
   plan.textured = engine_->texels(state_) > 0;
@@ -547,9 +573,9 @@ void Trainer::densifyAndSchedule(int iteration) {
       densify_settings.prune_opacity = settings_.prune_opacity;
       densify_settings.prune_radius = settings_.prune_radius;
       densify_settings.prune_large = schedule_.prunesLarge(iteration);
-      densify_settings.max_gaussians = limit();
+      densify_settings.max_gaussians = limitNow();
       if (swapsAfter(iteration)) {
-        keepMostSeen(limit() - static_cast<std::size_t>(kSwapped * static_cast<double>(limit())));
+        keepMostSeen(limitNow() - static_cast<std::size_t>(kSwapped * static_cast<double>(limitNow())));
       }
       if (settings_.wide_sigma > 0) splitWideOnes();
       engine_->densify(state_, densify_settings);
@@ -567,6 +593,7 @@ void Trainer::densifyAndSchedule(int iteration) {
     }
     updateFilter();
   }
+  if (merges() && iteration == schedule_.merge_after) mergePairs();
   if (resetsOpacity(iteration)) engine_->resetOpacity(state_);
   const int degree = state_.training.model.sh_degree;
   if (schedule_.raisesShDegree(iteration) && degree < settings_.sh_degree) engine_->growShDegree(state_, degree + 1);

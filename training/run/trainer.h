@@ -104,6 +104,8 @@ class Trainer {
   void findTextureGroups();
   void requireSharing() const;  // throws Error(usage) where the engine cannot
   bool swaps() const;
+  bool merges() const;
+  void mergePairs();
   bool picks() const;
   bool resetsOpacity(int iteration) const;
   bool opacitiesSettled(int iteration) const;
@@ -111,7 +113,8 @@ class Trainer {
   int iterationsOf(Stage stage) const { return tg::iterationsOf(settings_, stage); }
   // In stage quantized: the parameters whose turn has come are from now on as the file holds them.
   void quantizeNext();
-  std::size_t limit() const;  // of the count; 0: none
+  std::size_t limit() const;     // of the count; 0: none
+  std::size_t limitNow() const;  // while more grow than will stay
   // The published 5 % a round, or what reaches the limit halfway through the densification of a short run.
   float mcmcGrowth() const;
   GaussianModel firstGaussians() const;

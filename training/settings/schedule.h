@@ -16,6 +16,7 @@ struct Schedule {
   int densify_until = 0;   // exclusive
   int reset_every = 0;     // opacity reset; 0: never
   int reset_until = 0;     // exclusive
+  int merge_after = 0;     // what a limit has no room for is merged; 0: never
 
   bool densifies(int iteration) const {
     TG_ASSERT(iteration >= 1 && densify_every >= 1, "iterations count from 1");
@@ -45,6 +46,10 @@ inline Schedule makeSchedule(const TrainSettings& settings) {
   if (settings.densification == Densification::none) schedule.densify_until = 0;
   schedule.reset_every = adc ? pick(settings.reset_every, iterations >= 6000 ? 3000 : 0) : 0;
   schedule.reset_until = std::min(schedule.densify_until - schedule.densify_every, iterations - iterations / 3);
+  // Some time after the last round, for what it has brought to settle.
+  if (adc && settings.limit_by == LimitBy::merge) {
+    schedule.merge_after = std::min(schedule.densify_until + schedule.densify_until / 5, iterations);
+  }
   return schedule;
 }
 

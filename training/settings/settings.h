@@ -22,9 +22,9 @@ constexpr auto namesOf(Densification) { return enumNames("none", "adc", "mcmc");
 enum class DensifyScore { sum, magnitudes, magnitudesOnly };
 constexpr auto namesOf(DensifyScore) { return enumNames("sum", "magnitudes", "magnitudes-only"); }
 // How adc keeps to a limit: the highest scores grow while there is room; or those that the training views show least
-// make room for them, a twentieth a round.
-enum class LimitBy { room, swap };
-constexpr auto namesOf(LimitBy) { return enumNames("room", "swap"); }
+// make room for them, a twentieth a round; or these do under a limit four times as high, and then pairs are merged.
+enum class LimitBy { room, swap, merge };
+constexpr auto namesOf(LimitBy) { return enumNames("room", "swap", "merge"); }
 // Where stage 1 starts: the data set's points, or random ones.
 enum class Start { points, random };
 constexpr auto namesOf(Start) { return enumNames("points", "random"); }

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <ctime>
 
-#include "converter/edit/decimate.h"
 #include "converter/edit/merge.h"
 #include "converter/edit/quality.h"
 #include "converter/edit/select.h"
@@ -13,6 +12,7 @@
 #include "converter/edits.h"
 #include "converter/scratch.h"
 #include "core/bundle/bundle.h"
+#include "core/merge/decimate.h"
 #include "core/model/effective_rank.h"
 #include "core/model/fallback.h"
 #include "core/model/texture_budget.h"
@@ -271,7 +271,7 @@ TEST_CASE("decimation by what pictures show beats decimation by chance") {
   for (const double part : {0.75, 0.5, 0.25}) {
     const auto count = static_cast<std::size_t>(part * static_cast<double>(model.size()));
     GaussianModel chosen = model;
-    decimate(chosen, count, views);
+    decimate(chosen, count, blendWeights(chosen, views));
     REQUIRE(chosen.size() == count);
     checkModel(chosen, "chosen");
 
@@ -291,7 +291,7 @@ TEST_CASE("decimation by what pictures show beats decimation by chance") {
     CHECK(by_weight > by_chance + 2.0);  // measured: 7.2, 3.6 and 2.4
   }
   GaussianModel whole = model;
-  decimate(whole, model.size() + 5, views);
+  decimate(whole, model.size() + 5, blendWeights(whole, views));
   CHECK(whole.size() == model.size());
 }
 
@@ -314,7 +314,7 @@ TEST_CASE("decimation leaves each place of a wide scene something that only one 
     }
   }
   checkModel(model, "model");
-  decimate(model, kPlaces, contributionViews(model, cameras));
+  decimate(model, kPlaces, blendWeights(model, contributionViews(model, cameras)));
   REQUIRE(model.size() == kPlaces);
   for (int place = 0; place < kPlaces; ++place) CHECK(model.mean[place].x == 6.0f * static_cast<float>(place) - 0.5f);
 }
@@ -328,9 +328,9 @@ TEST_CASE("merged pairs are worth more than what removal leaves, with textures, 
   for (const double part : {0.75, 0.5, 0.25}) {
     const auto count = static_cast<std::size_t>(part * static_cast<double>(plain.size()));
     GaussianModel merged = plain, again = plain, removed = plain;
-    decimateByMerging(merged, count, views);
-    decimateByMerging(again, count, views);
-    decimate(removed, count, views);
+    decimateByMerging(merged, count, blendWeights(merged, views));
+    decimateByMerging(again, count, blendWeights(again, views));
+    decimate(removed, count, blendWeights(removed, views));
     REQUIRE(merged.size() == count);
     checkModel(merged, "merged");
     CHECK(merged.mean == again.mean);
@@ -342,9 +342,9 @@ TEST_CASE("merged pairs are worth more than what removal leaves, with textures, 
   // All of the sample's Gaussians have textures.
   for (const std::size_t count : {4850, 2500}) {
     GaussianModel merged = sample.model, again = sample.model, removed = sample.model;
-    decimateByMerging(merged, count, views);
-    decimateByMerging(again, count, views);
-    decimate(removed, count, views);
+    decimateByMerging(merged, count, blendWeights(merged, views));
+    decimateByMerging(again, count, blendWeights(again, views));
+    decimate(removed, count, blendWeights(removed, views));
     REQUIRE(merged.size() == count);
     checkModel(merged, "merged");
     CHECK(merged.atlas.texels == again.atlas.texels);
@@ -355,7 +355,7 @@ TEST_CASE("merged pairs are worth more than what removal leaves, with textures, 
     CHECK(by_merging > by_removal + 1.0);  // measured: 52.2 and 50.6, 25.5 and 22.6
   }
   GaussianModel textured = sample.model;
-  CHECK_THROWS_AS(decimateByMerging(textured, 0, views), Error);
+  CHECK_THROWS_AS(decimateByMerging(textured, 0, blendWeights(textured, views)), Error);
 }
 
 TEST_CASE("two halves of a textured Gaussian merge into what they showed") {
@@ -380,11 +380,11 @@ TEST_CASE("two halves of a textured Gaussian merge into what they showed") {
   const Camera camera = lookAt({0.0, 0.0, 0.0}, {0.0, 0.0, 1.0}, {0.0, -1.0, 0.0}, 0.8, 96, 96);
   const Image before = picture(model, camera);
   GaussianModel merged = model;
-  decimateByMerging(merged, 1, {});
+  decimateByMerging(merged, 1, blendWeights(merged, {}));
   REQUIRE(merged.size() == 1);
   const double found = psnr(before, picture(merged, camera));
   GaussianModel removed = model;
-  decimate(removed, 1, {});
+  decimate(removed, 1, blendWeights(removed, {}));
   CHECK(found > 40.0);  // measured: 50.0, and 23.2 where one is removed
   CHECK(found > psnr(before, picture(removed, camera)) + 15.0);
 }
@@ -404,7 +404,7 @@ TEST_CASE("textures as long as files may have them merge into one of no more tex
       offset += model.atlas.rects.back().texelCount();
     }
     model.atlas.texels.assign(offset, glm::vec4(0.1f, 0.0f, 0.0f, 1.0f));
-    decimateByMerging(model, 1, {});
+    decimateByMerging(model, 1, blendWeights(model, {}));
     REQUIRE(model.size() == 1);
     checkModel(model, "merged");
     return glm::ivec2(model.atlas.rects[0].width, model.atlas.rects[0].height);
@@ -449,7 +449,7 @@ TEST_CASE("two equal Gaussians merge into one of their mass, mean and covariance
     model.opacity_logit.push_back(std::log(0.4f / 0.6f));
     model.sh.push_back(glm::vec3(side, 0.5f, 0.0f));
   }
-  decimateByMerging(model, 1, {});
+  decimateByMerging(model, 1, blendWeights(model, {}));
   REQUIRE(model.size() == 1);
   CHECK(glm::distance(model.mean[0], glm::vec3(0.0f, 1.0f, 5.0f)) < 1e-6f);
   CHECK(glm::distance(model.sh[0], glm::vec3(0.0f, 0.5f, 0.0f)) < 1e-6f);

@@ -159,7 +159,7 @@ TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run,
     settings.densification = how;
     settings.filter_3d = true;
     settings.gaussians = 90;
-    settings.limit_by = LimitBy::swap;
+    settings.limit_by = how == Densification::adc ? LimitBy::merge : LimitBy::swap;
     settings.densify_every = 5;
     settings.densify_from = 4;
     settings.densify_until = 25;

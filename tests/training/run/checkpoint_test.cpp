@@ -181,6 +181,11 @@ TEST_CASE("a run that goes on from a checkpoint ends in the same bytes", "[check
          s.limit_by = tg::LimitBy::swap;
          s.densify_every = 3;
        }},
+      {"pairs merged down to a limit",
+       [](tg::TrainSettings& s) {
+         s.limit_by = tg::LimitBy::merge;
+         s.densify_every = 3;
+       }},
       {"mcmc, 3D filter",
        [](tg::TrainSettings& s) {
          s.densification = tg::Densification::mcmc;

@@ -53,6 +53,13 @@ TEST_CASE("time left is that of stages to come, with Gaussians and textures to c
   CHECK(left.seconds(plan) == Approx(actual).epsilon(0.2));
   // A limit that is reached ends the growth.
   plan.limit = countAt(600);
+  const double limited = left.seconds(plan);
+  CHECK(limited < 0.7 * actual);
+  // So does merging, after which the rest of stage 1 and stage 2 have fewer.
+  plan.merge_after = 1800;
+  plan.merged = countAt(600) / 4;
+  CHECK(left.seconds(plan) < 0.85 * limited);
+  plan.limit = 0;
   CHECK(left.seconds(plan) < 0.7 * actual);
 }
 

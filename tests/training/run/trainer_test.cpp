@@ -6,11 +6,14 @@
 #include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <thread>
 
+#include "core/merge/decimate.h"
 #include "core/model/texture_dictionary.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
+#include "render/contribution.h"
 #include "support/catch.h"
 #include "support/same.h"
 #include "support/temporary_folder.h"
@@ -555,6 +558,50 @@ TEST_CASE("under a limit, what no view shows makes room", "[trainer]") {
   CHECK(model.size() <= settings.gaussians);
   CHECK(least >= settings.gaussians * 9 / 10);
   CHECK(unseen(model) == (settings.limit_by == tg::LimitBy::room ? 25 : 0));
+}
+
+TEST_CASE("more Gaussians than the limit grow, and pairs are merged down to it", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  settings.texture_iterations = 0;
+  settings.densify_every = 10;
+  settings.densify_threshold = 1e-6f;
+  settings.gaussians = dataset.points.position.size() / 2;
+  settings.limit_by = tg::LimitBy::merge;
+  tg::Trainer trainer(dataset, settings, *renderer);
+  const int merged_after = tg::makeSchedule(settings).merge_after;
+  CHECK(merged_after == 144);
+  std::vector<std::size_t> counts;
+  std::vector<tg::GaussianModel> around;
+  while (trainer.step()) {
+    counts.push_back(trainer.progress().gaussians);
+    const int iteration = trainer.progress().iteration;
+    if (iteration == merged_after - 1 || iteration == merged_after) around.push_back(trainer.model());
+  }
+  const auto most = std::ranges::max(counts);
+  CHECK(most > 2 * settings.gaussians);
+  CHECK(most <= 4 * settings.gaussians);
+  CHECK(counts[static_cast<std::size_t>(merged_after) - 2] == around[0].size());
+  CHECK(around[0].size() > settings.gaussians);
+  CHECK(around[1].size() == settings.gaussians);
+  CHECK(trainer.model().size() == settings.gaussians);
+  // Merged, not only chosen: together they are as opaque and large, and shown as well as before.
+  const std::vector<tg::Camera> views(dataset.views.begin(), dataset.views.end());
+  const auto seen = [&](const tg::GaussianModel& model) {
+    const std::vector<double> weights = tg::blendWeights(model, views);
+    return std::accumulate(weights.begin(), weights.end(), 0.0);
+  };
+  tg::GaussianModel chosen = around[0];
+  tg::decimate(chosen, settings.gaussians, tg::blendWeights(chosen, views));
+  CHECK(std::abs(seen(around[1]) - seen(around[0])) < std::abs(seen(chosen) - seen(around[0])));
+  // A limit that is never reached leaves the run as it is.
+  settings.gaussians = 4 * most;
+  settings.iterations = 60;
+  const tg::GaussianModel merging = tg::train(dataset, settings, *renderer).model;
+  settings.limit_by = tg::LimitBy::swap;
+  tg::test::checkSame(merging, tg::train(dataset, settings, *renderer).model);
 }
 
 TEST_CASE("under a limit no place goes that few views show", "[trainer]") {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The texture of a Gaussian that stands for two.
-#include "converter/lod/merged_texture.h"
+#include "core/merge/merged_texture.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "converter/gltf/axes.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "shared/limits.h"
@@ -41,7 +40,7 @@ class Source {
   Source(const GaussianModel& model, std::size_t i, glm::dvec3 direction)
       : model_(model), rect_(rectOf(model, i)), mean_(model.mean[i]), opacity_(opacityOf(model, i)) {
     const glm::dvec3 sigma = glm::max(sigmaOf(model, i), glm::dvec3(1e-30));
-    const glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
+    const glm::dmat3 axes = axesOf(model, i);
     for (int k = 0; k < 3; ++k) rows_[k] = axes[k] / sigma[k];
     order_ = axisOrder(sigma);
     base_ = glm::dvec3(0.5) + double{kShC0} * glm::dvec3(model.sh[i * model.shCount()]);

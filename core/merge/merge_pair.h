@@ -3,7 +3,7 @@
 #pragma once
 #include <cstddef>
 
-#include "converter/lod/moments.h"
+#include "core/merge/moments.h"
 #include "core/model/model.h"
 #include "core/model/texture_fit.h"
 
@@ -12,13 +12,13 @@ namespace tg {
 // A Gaussian of a pair: what it brings, and the part of its opacity that counts in the texture.
 struct PairMember {
   std::size_t gaussian;
-  Moments moments;
+  GaussianMoments moments;
   double part = 1.0;
 };
 
 // Gaussian `a` becomes that of both moments, its SH by their masses; where one has a texture, both are resampled onto
 // it, behind the texels that there are. `b` stays as it is, to be removed. The moments of both. Throws Error(badData)
 // for more than kMaxModelTexels.
-Moments mergePair(GaussianModel& model, const PairMember& a, const PairMember& b, AxisFits& fits);
+GaussianMoments mergePair(GaussianModel& model, const PairMember& a, const PairMember& b, AxisFits& fits);
 
 }  // namespace tg

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The least seen ones go, or pairs are merged by matching their moments.
-#include "converter/edit/decimate.h"
+#include "core/merge/decimate.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,15 +10,13 @@
 #include <utility>
 #include <vector>
 
-#include "converter/edit/select.h"
-#include "converter/lod/curves.h"
-#include "converter/lod/merge_pair.h"
-#include "converter/lod/moments.h"
+#include "core/merge/curves.h"
+#include "core/merge/merge_pair.h"
+#include "core/merge/moments.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
-#include "render/contribution.h"
 #include "shared/limits.h"
 
 namespace tg {
@@ -26,9 +24,9 @@ namespace {
 
 constexpr std::size_t kNeighbours = 12;  // looked at along each of two space-filling curves
 constexpr double kColorPart = 4.0;       // of a pair's cost, for a squared difference of 1 in colour
-constexpr double kRoundPart = 0.2;        // of the Gaussians merged before neighbours are looked for again
-constexpr double kTexturePart = 3.0;  // of a squared difference of 1 in colour, for a texture's squared contrast
-constexpr double kRemovedPart = 2.0;  // of what views show of a Gaussian, where it is not merged but removed
+constexpr double kRoundPart = 0.2;       // of the Gaussians merged before neighbours are looked for again
+constexpr double kTexturePart = 3.0;     // of a squared difference of 1 in colour, for a texture's squared contrast
+constexpr double kRemovedPart = 2.0;     // of what views show of a Gaussian, where it is not merged but removed
 constexpr double kUnseenRemoved = 1e-15;
 constexpr double kUnseenPart = 1e-12;  // orders pairs that no view shows
 
@@ -47,8 +45,7 @@ struct Pair {
 
 class PairMerger {
  public:
-  PairMerger(GaussianModel& model, std::span<const Camera> views)
-      : model_(model), weights_(blendWeights(model, views)) {}
+  PairMerger(GaussianModel& model, std::vector<double> weights) : model_(model), weights_(std::move(weights)) {}
 
   // Merges up to `most` pairs of Gaussians that are in none yet; how many.
   std::size_t round(std::size_t most) {
@@ -63,24 +60,28 @@ class PairMerger {
     for (std::size_t i = 0; i < n; ++i) moments_[i] = momentsOf(model_, i, means_[i].a);
     std::vector<Pair> pairs = candidates();
     std::sort(pairs.begin(), pairs.end());
-    std::vector<std::uint8_t> keep(n, 1), used(n, 0);
+    std::vector<std::uint8_t> gone(n, 0), used(n, 0);
     std::size_t done = 0;
     for (const Pair& pair : pairs) {
       if (done == most) break;
       if (used[pair.a] || used[pair.b]) continue;
       used[pair.a] = used[pair.b] = 1;
-      keep[pair.b] = 0;
+      gone[pair.b] = 1;
       if (pair.a != pair.b) merge(pair);
       ++done;
     }
-    std::size_t to = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      if (keep[i]) weights_[to++] = weights_[i];
+    if (done == 0) return 0;
+    std::vector<std::uint32_t> kept;
+    for (std::uint32_t i = 0; i < n; ++i) {
+      if (gone[i] == 0) kept.push_back(i);
     }
-    weights_.resize(to);
-    keepGaussians(model_, keep);
+    for (std::size_t i = 0; i < kept.size(); ++i) weights_[i] = weights_[kept[i]];
+    weights_.resize(kept.size());
+    model_ = select(model_, kept);
     return done;
   }
+
+  const std::vector<double>& weights() const { return weights_; }
 
  private:
   std::vector<double> contrasts() {
@@ -104,7 +105,7 @@ class PairMerger {
   // Pairs of neighbours.
   std::vector<Pair> candidates() const {
     std::vector<glm::dvec3> places;
-    for (const Moments& m : moments_) places.push_back(m.mean);
+    for (const GaussianMoments& m : moments_) places.push_back(m.mean);
     std::vector<Pair> pairs;
     for (const std::vector<std::uint32_t>& order : curveOrders(places)) {
       const std::size_t first = pairs.size();
@@ -139,9 +140,9 @@ class PairMerger {
     return {x / most, y / most};
   }
 
-  std::pair<Moments, Moments> shownMoments(std::size_t a, std::size_t b) const {
+  std::pair<GaussianMoments, GaussianMoments> shownMoments(std::size_t a, std::size_t b) const {
     const auto [x, y] = shownParts(a, b);
-    std::pair<Moments, Moments> both{moments_[a], moments_[b]};
+    std::pair<GaussianMoments, GaussianMoments> both{moments_[a], moments_[b]};
     both.first.mass = std::max(both.first.mass * x, kLeastMass);
     both.second.mass = std::max(both.second.mass * y, kLeastMass);
     return both;
@@ -151,7 +152,7 @@ class PairMerger {
   // where the views show both.
   double cost(std::size_t a, std::size_t b) const {
     const auto [x, y] = shownMoments(a, b);
-    const Moments whole = merged(x, y);
+    const GaussianMoments whole = merged(x, y);
     glm::dmat3 axes;
     const double area = areaOf(sigmaOf(whole, axes));
     const double parts =
@@ -166,7 +167,7 @@ class PairMerger {
     return weight * (growth + kColorPart * difference) + kUnseenPart * growth;
   }
 
-  // Into the place of pair.a; keepGaussians puts texels in order again.
+  // Into the place of pair.a; select() puts texels in order again.
   void merge(const Pair& pair) {
     const auto [x, y] = shownMoments(pair.a, pair.b);
     const auto [part_a, part_b] = shownParts(pair.a, pair.b);
@@ -176,7 +177,7 @@ class PairMerger {
 
   GaussianModel& model_;
   std::vector<double> weights_;  // [N] of render/contribution.h
-  std::vector<Moments> moments_;
+  std::vector<GaussianMoments> moments_;
   std::vector<glm::vec4> means_;  // [N] of textures
   std::vector<double> contrast_;  // [N] of textures: mean square from the mean, colour and alpha
   AxisFits fits_;
@@ -184,15 +185,14 @@ class PairMerger {
 
 }  // namespace
 
-void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> views) {
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+void decimate(GaussianModel& model, std::size_t count, std::span<const double> weights) {
+  TG_ASSERT(lengthsAgree(model) && weights.size() == model.size(), "the model's arrays have their lengths");
   if (count == 0) throw Error(ErrorKind::usage, "decimation to no Gaussians at all (expected at least 1)");
   if (count >= model.size()) return;
   struct Rank {
     double weight, area;
     std::uint32_t gaussian;
   };
-  const std::vector<double> weights = blendWeights(model, views);
   std::vector<Rank> ranks(model.size());
   for (std::size_t i = 0; i < ranks.size(); ++i) {
     ranks[i] = {weights[i], opaqueArea(model, i), static_cast<std::uint32_t>(i)};
@@ -203,21 +203,22 @@ void decimate(GaussianModel& model, std::size_t count, std::span<const Camera> v
     return a.gaussian < b.gaussian;
   };
   std::nth_element(ranks.begin(), ranks.begin() + static_cast<std::ptrdiff_t>(count), ranks.end(), before);
-  std::vector<std::uint8_t> keep(model.size(), 0);
-  for (std::size_t r = 0; r < count; ++r) keep[ranks[r].gaussian] = 1;
-  keepGaussians(model, keep);
+  std::vector<std::uint32_t> kept(count);
+  for (std::size_t r = 0; r < count; ++r) kept[r] = ranks[r].gaussian;
+  std::sort(kept.begin(), kept.end());
+  model = select(model, kept);
 }
 
-void decimateByMerging(GaussianModel& model, std::size_t count, std::span<const Camera> views) {
-  TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
+void decimateByMerging(GaussianModel& model, std::size_t count, std::vector<double> weights) {
+  TG_ASSERT(lengthsAgree(model) && weights.size() == model.size(), "the model's arrays have their lengths");
   if (count == 0) throw Error(ErrorKind::usage, "decimation to no Gaussians at all (expected at least 1)");
   if (count >= model.size()) return;
-  PairMerger merger(model, views);
+  PairMerger merger(model, std::move(weights));
   while (model.size() > count) {
     const auto part = static_cast<std::size_t>(kRoundPart * static_cast<double>(model.size()));
     if (merger.round(std::min(model.size() - count, std::max<std::size_t>(1, part))) == 0) break;
   }
-  decimate(model, count, views);  // where no pair is left
+  decimate(model, count, merger.weights());  // where no pair is left
 }
 
 }  // namespace tg

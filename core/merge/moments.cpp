@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians as mass, mean and covariance, by which several become one.
-#include "converter/lod/moments.h"
+#include "core/merge/moments.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <glm/gtc/quaternion.hpp>
 
-#include "converter/gltf/axes.h"
 #include "core/model/verbs.h"
 
 namespace tg {
@@ -45,16 +45,16 @@ double areaOf(glm::dvec3 sigma) {
   return sigma.y * sigma.z;
 }
 
-Moments momentsOf(const GaussianModel& model, std::size_t i, double alpha) {
-  glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(model.rotation[i]));
+GaussianMoments momentsOf(const GaussianModel& model, std::size_t i, double alpha) {
+  glm::dmat3 axes = axesOf(model, i);
   const glm::dvec3 sigma = boundedSigma(model, i);
   for (int k = 0; k < 3; ++k) axes[k] *= sigma[k];
   return {std::max(opacityOf(model, i) * alpha * areaOf(sigma), kLeastMass), glm::dvec3(model.mean[i]),
           axes * glm::transpose(axes)};
 }
 
-Moments merged(const Moments& a, const Moments& b) {
-  Moments m;
+GaussianMoments merged(const GaussianMoments& a, const GaussianMoments& b) {
+  GaussianMoments m;
   m.mass = a.mass + b.mass;
   const double p = a.mass / m.mass, q = b.mass / m.mass;
   m.mean = p * a.mean + q * b.mean;
@@ -63,18 +63,19 @@ Moments merged(const Moments& a, const Moments& b) {
   return m;
 }
 
-glm::dvec3 sigmaOf(const Moments& moments, glm::dmat3& axes) {
+glm::dvec3 sigmaOf(const GaussianMoments& moments, glm::dmat3& axes) {
   return glm::sqrt(glm::max(eigen(moments.covariance, axes), glm::dvec3(kLeastVariance)));
 }
 
 static_assert(kFieldCount == 5, "a merged Gaussian would keep the new parameter of one: here, or where SH are merged");
 
-void setMoments(GaussianModel& model, std::size_t i, const Moments& moments) {
+void setMoments(GaussianModel& model, std::size_t i, const GaussianMoments& moments) {
   glm::dmat3 axes;
   const glm::dvec3 sigma = sigmaOf(moments, axes);
   if (glm::determinant(axes) < 0.0) axes[2] = -axes[2];
   model.mean[i] = glm::vec3(moments.mean);
-  model.rotation[i] = glm::vec4(quaternionFromMatrix(axes));
+  const glm::dquat q = glm::quat_cast(axes);
+  model.rotation[i] = glm::vec4(q.w, q.x, q.y, q.z);
   model.log_scale[i] = glm::vec3(glm::log(sigma));
   const double opacity = std::min(moments.mass / areaOf(sigma), kMostMergedOpacity);
   model.opacity_logit[i] = static_cast<float>(std::log(opacity) - std::log1p(-opacity));

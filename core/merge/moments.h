@@ -12,7 +12,7 @@ constexpr double kMostMergedOpacity = 0.999;
 constexpr double kLeastVariance = 1e-20;  // [world units^2] where Gaussians lie on one spot
 constexpr double kLeastMass = 1e-200;     // [world units^2]
 
-struct Moments {
+struct GaussianMoments {
   double mass = 0.0;           // [world units^2] opacity times the area of the two longer axes
   glm::dvec3 mean{0.0};        // [world units]
   glm::dmat3 covariance{0.0};  // [world units^2]
@@ -23,12 +23,12 @@ glm::dvec3 boundedSigma(const GaussianModel& model, std::size_t i);
 // Of the two longer axes [world units^2], as sigmas.
 double areaOf(glm::dvec3 sigma);
 // `alpha`: its texture's mean factor.
-Moments momentsOf(const GaussianModel& model, std::size_t i, double alpha);
+GaussianMoments momentsOf(const GaussianModel& model, std::size_t i, double alpha);
 // Those of the two densities together, each with its mass.
-Moments merged(const Moments& a, const Moments& b);
+GaussianMoments merged(const GaussianMoments& a, const GaussianMoments& b);
 // Sigmas [world units], and their directions as columns.
-glm::dvec3 sigmaOf(const Moments& moments, glm::dmat3& axes);
+glm::dvec3 sigmaOf(const GaussianMoments& moments, glm::dmat3& axes);
 // Shape, place and opacity of Gaussian i.
-void setMoments(GaussianModel& model, std::size_t i, const Moments& moments);
+void setMoments(GaussianModel& model, std::size_t i, const GaussianMoments& moments);
 
 }  // namespace tg

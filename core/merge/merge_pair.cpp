@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Moments are added, SH mixed, textures resampled.
-#include "converter/lod/merge_pair.h"
+#include "core/merge/merge_pair.h"
 
 #include <algorithm>
 
-#include "converter/lod/merged_texture.h"
+#include "core/merge/merged_texture.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 
@@ -12,8 +12,8 @@ namespace tg {
 namespace {
 
 // Shape, opacity and texture of the merged one.
-void mergeTextures(GaussianModel& model, const PairMember& a, const PairMember& b, const Moments& whole, float part,
-                   AxisFits& fits) {
+void mergeTextures(GaussianModel& model, const PairMember& a, const PairMember& b, const GaussianMoments& whole,
+                   float part, AxisFits& fits) {
   const std::size_t offset = model.atlas.texels.size();
   const glm::ivec2 size = mergedSize(rectOf(model, a.gaussian), rectOf(model, b.gaussian));
   const std::uint64_t texels = offset + static_cast<std::uint64_t>(size.x) * static_cast<std::uint64_t>(size.y);
@@ -39,8 +39,8 @@ void mergeTextures(GaussianModel& model, const PairMember& a, const PairMember& 
 
 }  // namespace
 
-Moments mergePair(GaussianModel& model, const PairMember& a, const PairMember& b, AxisFits& fits) {
-  const Moments whole = merged(a.moments, b.moments);
+GaussianMoments mergePair(GaussianModel& model, const PairMember& a, const PairMember& b, AxisFits& fits) {
+  const GaussianMoments whole = merged(a.moments, b.moments);
   const float part = static_cast<float>(a.moments.mass / whole.mass);
   if (rectOf(model, a.gaussian).texelCount() + rectOf(model, b.gaussian).texelCount() != 0) {
     mergeTextures(model, a, b, whole, part, fits);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two sorts by Morton codes.
-#include "converter/lod/curves.h"
+#include "core/merge/curves.h"
 
 #include <algorithm>
 #include <cstdint>
