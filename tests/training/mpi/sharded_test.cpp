@@ -122,11 +122,12 @@ TEST_CASE("training has the same bytes by any number of ranks: 3D filter, wide G
   checkSame(settings, tg::test::sampleDataset(kScene));
 }
 
-TEST_CASE("training has the same bytes by any number of ranks: 3D filter, a count first") {
+TEST_CASE("training has the same bytes by any number of ranks: 3D filter, a count first, merged pairs") {
   tg::TrainSettings settings = shortRun();
   settings.filter_3d = true;
   settings.gaussians = 0;
   settings.percent = 60;
+  settings.limit_by = tg::LimitBy::merge;
   checkSame(settings, tg::test::sampleDataset(kScene));
 }
 
