@@ -135,6 +135,9 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   std::string said =
       formatted("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
   if (planned) said += formatted(", %zu Gaussians", settings.gaussians);
+  if (planned && settings.iterations > 0 && makeSchedule(settings).merge_after > 0) {
+    said += formatted(" (up to %zu until pairs are merged)", kMergedFrom * settings.gaussians);
+  }
   if (cut) said += formatted(", %.1f texels each", plan.texels);
   if (dictionary) said += formatted(", %d textures that they share", settings.texture_dictionary);
   return said;

@@ -31,7 +31,6 @@ constexpr std::size_t kRandomPoints = 100'000;  // the Blender recipe of 3DGS
 constexpr int kFilterEvery = 100;               // steps between two updates of the 3D filter
 constexpr std::size_t kSeenViews = 16;          // that say what a Gaussian is worth, at least
 constexpr double kSwapped = 0.05;               // of the limit, a round
-constexpr std::size_t kMergedFrom = 4;          // limits grow before pairs are merged
 constexpr int kSettlingSteps = 500;             // after an opacity reset
 // The position rate of 3DGS, which MCMC's noise is a multiple of, whatever the rate here.
 constexpr float kNoiseRate = 1.6e-4f, kNoiseRateEnd = 1.6e-6f;

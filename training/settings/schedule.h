@@ -2,6 +2,7 @@
 // When stage 1 does what. 3DGS plans for 30,000 iterations; shorter runs keep its shape.
 #pragma once
 #include <algorithm>
+#include <cstddef>
 
 #include "core/system/assert.h"
 #include "training/settings/settings.h"
@@ -29,6 +30,8 @@ struct Schedule {
   // Large Gaussians are pruned once resets have begun, as in 3DGS: before, everything is still large.
   bool prunesLarge(int iteration) const { return reset_every > 0 && iteration > reset_every; }
 };
+
+constexpr std::size_t kMergedFrom = 4;  // limits may be there until pairs are merged
 
 // Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion.
 // ADC ends at half time, MCMC after five sixths (Kheradmand et al.: 25,000 of 30,000). An opacity reset costs about a
