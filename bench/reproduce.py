@@ -67,6 +67,7 @@ PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001", "--rate-tex
 # the default's stage 1.
 STAGE_1_CHOICES = {
     "limit-room": ["--limit-by", "room"],
+    "limit-merge": ["--limit-by", "merge"],
     "mcmc": ["--densification", "mcmc"],
     "rates-3dgs": ["--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005", "--rate-sh-rest",
                    "1.25e-4"],
