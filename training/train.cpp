@@ -86,9 +86,9 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
 }
 
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md,
-// docs/lab/quality.md): SH degree 1, a limit that is kept by merging, and no textures where neither a flag nor the start model speaks of them; where one does, textures that Gaussians
-// share, if these can be trained (`shares`). A start model keeps its SH degree, one with textures its Gaussians and
-// their texels. Returns what to say of it.
+// docs/lab/quality.md): SH degree 1, a limit that is kept by merging, and no textures where neither a flag nor the
+// start model speaks of them; where one does, textures that Gaussians share, if these can be trained (`shares`). A
+// start model keeps its SH degree, one with textures its Gaussians and their texels. Returns what to say of it.
 std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start, bool shares,
                      TrainSettings& settings) {
   const auto given = [&](const auto& named) { return tg::given(options, settings, named); };
@@ -135,8 +135,10 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   std::string said =
       formatted("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
   if (planned) said += formatted(", %zu Gaussians", settings.gaussians);
-  if (planned && settings.iterations > 0 && makeSchedule(settings).merge_after > 0) {
-    said += formatted(" (up to %zu until pairs are merged)", kMergedFrom * settings.gaussians);
+  const bool merges = settings.iterations > 0 && makeSchedule(settings).merge_after > 0;
+  const std::size_t grown = grownLimit(settings.gaussians, training_pixels);
+  if (planned && merges && grown > settings.gaussians) {
+    said += formatted(" (up to %zu until pairs are merged)", grown);
   }
   if (cut) said += formatted(", %.1f texels each", plan.texels);
   if (dictionary) said += formatted(", %d textures that they share", settings.texture_dictionary);

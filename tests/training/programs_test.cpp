@@ -163,11 +163,14 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   const std::string train = "scene --overwrite --iterations 20 --texture-iterations 4 --target-size 6KB -o ";
   const std::string quick = "scene --overwrite --preset quick --target-size 6KB -o ";
   REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --preset quick > quick.toml").code == 0);
-  CHECK_THAT(tgtrain(folder, quick + "a.sog").output,
-             Contains("SH degree 1, 309 Gaussians (up to 1236 until pairs are merged)\n"));
-  CHECK_THAT(tgtrain(folder, quick + "a.sog --config quick.toml").output,
-             Contains("SH degree 1, 309 Gaussians (up to 1236 until pairs are merged)\n"));
-  CHECK_THAT(tgtrain(folder, quick + "a.sog --limit-by swap").output, Contains("SH degree 1, 309 Gaussians\n"));
+  CHECK_THAT(tgtrain(folder, quick + "a.sog").output, Contains("SH degree 1, 309 Gaussians\n"));
+  CHECK_THAT(tgtrain(folder, quick + "a.sog --config quick.toml").output, Contains("SH degree 1, 309 Gaussians\n"));
+  // More grow where the photographs have pixels for them, 32 a Gaussian.
+  REQUIRE(tgtrain(folder, "make-sample wide --size 64 --views 4 --test-views 1 --points 200 --supersampling 1").code ==
+          0);
+  const std::string small = "wide --overwrite --preset quick --target-size 4KB -o a.sog ";
+  CHECK_THAT(tgtrain(folder, small).output, Contains("132 Gaussians (up to 512 until pairs are merged)\n"));
+  CHECK_THAT(tgtrain(folder, small + "--limit-by swap").output, !Contains("merged"));
   // A flag that says what the preset says is said.
   REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --iterations 20 --texture-iterations 4 > short.toml").code == 0);
   const Outcome named = tgtrain(folder,
@@ -178,7 +181,7 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   CHECK_THAT(tgtrain(folder, train + "a.sog --gaussians 100").output, Contains("texels each\n"));
   const std::string large = "scene --overwrite --iterations 20 --texture-iterations 4 --target-size 60KB -o a.sog ";
   CHECK_THAT(tgtrain(folder, large + "--texture-mode rgba").output,
-             Contains(" until pairs are merged), 64 textures that they share\n"));
+             Contains(" Gaussians, 64 textures that they share\n"));
   CHECK_THAT(tgtrain(folder, large + "--adaptive-texels 4").output, !Contains("share"));
   CHECK_THAT(tgtrain(folder, large + "--texture-mode none").output, !Contains("share"));
   const Outcome twin = tgtrain(folder, train + "a.sog --untextured-output plain.tgz");

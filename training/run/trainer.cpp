@@ -166,7 +166,7 @@ std::size_t Trainer::limit() const {
 
 std::size_t Trainer::limitNow() const {
   const bool grows = merges() && state_.stage == Stage::plain && state_.iteration < schedule_.merge_after;
-  return grows ? kMergedFrom * limit() : limit();
+  return grows ? grownLimit(limit(), trainingPixels(dataset_)) : limit();
 }
 
 bool Trainer::swaps() const {

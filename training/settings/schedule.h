@@ -3,6 +3,7 @@
 #pragma once
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 
 #include "core/system/assert.h"
 #include "training/settings/settings.h"
@@ -31,7 +32,13 @@ struct Schedule {
   bool prunesLarge(int iteration) const { return reset_every > 0 && iteration > reset_every; }
 };
 
-constexpr std::size_t kMergedFrom = 4;  // limits may be there until pairs are merged
+// So many Gaussians may be there until pairs are merged down to `limit`: four times as many, but no more than training
+// views of so many pixels have something to say of.
+inline std::size_t grownLimit(std::size_t limit, std::uint64_t training_pixels) {
+  constexpr std::size_t kMergedFrom = 4;      // limits
+  constexpr std::uint64_t kGrownPixels = 32;  // a Gaussian
+  return std::max(limit, std::min(kMergedFrom * limit, static_cast<std::size_t>(training_pixels / kGrownPixels)));
+}
 
 // Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion.
 // ADC ends at half time, MCMC after five sixths (Kheradmand et al.: 25,000 of 30,000). An opacity reset costs about a

@@ -568,7 +568,7 @@ TEST_CASE("more Gaussians than the limit grow, and pairs are merged down to it",
   settings.texture_iterations = 0;
   settings.densify_every = 10;
   settings.densify_threshold = 1e-6f;
-  settings.gaussians = dataset.points.position.size() / 2;
+  settings.gaussians = dataset.points.position.size() / 6;
   settings.limit_by = tg::LimitBy::merge;
   tg::Trainer trainer(dataset, settings, *renderer);
   const int merged_after = tg::makeSchedule(settings).merge_after;
@@ -596,6 +596,16 @@ TEST_CASE("more Gaussians than the limit grow, and pairs are merged down to it",
   tg::GaussianModel chosen = around[0];
   tg::decimate(chosen, settings.gaussians, tg::blendWeights(chosen, views));
   CHECK(std::abs(seen(around[1]) - seen(around[0])) < std::abs(seen(chosen) - seen(around[0])));
+  // No more than the photographs have pixels for.
+  CHECK(tg::grownLimit(100, 100 * 32 * 5) == 400);
+  CHECK(tg::grownLimit(100, 100 * 32 * 3 + 5) == 300);
+  CHECK(tg::grownLimit(100, 100) == 100);
+  const std::size_t few = tg::grownLimit(dataset.points.position.size() / 2, tg::trainingPixels(dataset));
+  CHECK(few < 2 * dataset.points.position.size());
+  tg::TrainSettings limited = settings;
+  limited.gaussians = dataset.points.position.size() / 2;
+  tg::Trainer bounded(dataset, limited, *renderer);
+  while (bounded.step()) CHECK(bounded.progress().gaussians <= few);
   // A limit that is never reached leaves the run as it is.
   settings.gaussians = 4 * most;
   settings.iterations = 60;
