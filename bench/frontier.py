@@ -216,9 +216,9 @@ def of_others(found):
         text += (f" Files of {old} cells are larger than the same models' would be now, plain ones by 2 to 4 %, those "
                  "with textures by about 1 % ([lab/converter.md](lab/converter.md#sog)): beside them textures gain up "
                  "to 0.1 dB less.")
-    return text + (" Their Gaussians are counted by `--limit-by swap`: merged ones, which `--target-size` makes now, are "
-                   "up to 1.1 dB better, with textures and without ([lab/quality.md](lab/quality.md"
-                   "#more-first-then-merged)).")
+    return text + (" Their counts are kept by `--limit-by swap`: with merged ones, which `--target-size` makes now, its "
+                   "files are up to 1.1 dB better, with textures and without ([lab/quality.md](lab/quality.md"
+                   "#textures-that-gaussians-share)).")
 
 
 def training_of(model):

@@ -165,14 +165,22 @@ std::size_t countOf(const Bundle& loaded, const Edit& edit) {
   return static_cast<std::size_t>(std::min(count, 1e18));
 }
 
+// Whether weights have to be known for it; a count of 0 is refused whatever there is.
+bool changesTo(const Bundle& loaded, std::size_t count) { return count == 0 || count < loaded.model.size(); }
+
+// How much of its pictures each Gaussian is.
+std::vector<double> shownWeights(const Bundle& loaded) {
+  return blendWeights(loaded.model, contributionViews(loaded.model, loaded.cameras));
+}
+
 void decimateTo(Bundle& loaded, const Edit& edit) {
   const std::size_t count = countOf(loaded, edit);
-  decimate(loaded.model, count, blendWeights(loaded.model, contributionViews(loaded.model, loaded.cameras)));
+  if (changesTo(loaded, count)) decimate(loaded.model, count, shownWeights(loaded));
 }
 
 void mergeTo(Bundle& loaded, const Edit& edit) {
   const std::size_t count = countOf(loaded, edit);
-  decimateByMerging(loaded.model, count, blendWeights(loaded.model, contributionViews(loaded.model, loaded.cameras)));
+  if (changesTo(loaded, count)) decimateByMerging(loaded.model, count, shownWeights(loaded));
 }
 
 void reduceSh(Bundle& loaded, const Edit& edit) {
@@ -204,8 +212,7 @@ void texelBudget(Bundle& loaded, const Edit& edit) {
   if (texels < 0.0 || texels != std::floor(texels) || texels > 1e18) {
     throw Error(ErrorKind::usage, "wrong value (expected a number of texels)");
   }
-  const std::vector<Camera> views = contributionViews(loaded.model, loaded.cameras);
-  fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels), blendWeights(loaded.model, views));
+  fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels), shownWeights(loaded));
 }
 
 void shareTextures(Bundle& loaded, const Edit& edit) {
@@ -213,8 +220,7 @@ void shareTextures(Bundle& loaded, const Edit& edit) {
   if (entries < 1.0 || entries != std::floor(entries) || entries > static_cast<double>(kMostSharedTextures)) {
     throw Error(ErrorKind::usage, "wrong value (expected 1 to " + std::to_string(kMostSharedTextures) + ")");
   }
-  const std::vector<Camera> views = contributionViews(loaded.model, loaded.cameras);
-  tg::shareTextures(loaded.model, static_cast<std::size_t>(entries), blendWeights(loaded.model, views), kBitCost, 0);
+  tg::shareTextures(loaded.model, static_cast<std::size_t>(entries), shownWeights(loaded), kBitCost, 0);
 }
 
 void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model, FallbackScale::fitted); }

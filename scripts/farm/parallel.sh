@@ -3,7 +3,8 @@
 #
 #   .../scripts/farm/parallel.sh SHARE/scans/jobs.jsonl SHARE/scans/farm node1 node2 node3
 #
-# SHARE: where the share is mounted. Paths must mean the same everywhere, and tgtrain must be on the PATH of a shell without a terminal.
+# SHARE: where the share is mounted. Paths must mean the same everywhere, and tgtrain must be on the PATH of a shell
+# without a terminal.
 set -eu
 if [ $# -lt 3 ]; then
   echo "usage: parallel.sh JOBS.jsonl FOLDER MACHINE..." >&2

@@ -42,6 +42,15 @@ tg::TrainSettings shortRun() {
   return settings;
 }
 
+// Of stage 1 alone, with more rounds.
+tg::TrainSettings densifyingRun() {
+  tg::TrainSettings settings = shortRun();
+  settings.iterations = 240;
+  settings.texture_iterations = 0;
+  settings.densify_every = 10;
+  return settings;
+}
+
 }  // namespace
 
 TEST_CASE("adding textures and SH degrees leaves the picture the same to the last bit", "[trainer]") {
@@ -540,10 +549,7 @@ TEST_CASE("every strategy, filter and texture layout trains to a valid, better m
 TEST_CASE("under a limit, what no view shows makes room", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
-  tg::TrainSettings settings = shortRun();
-  settings.iterations = 240;
-  settings.texture_iterations = 0;
-  settings.densify_every = 10;
+  tg::TrainSettings settings = densifyingRun();
   settings.gaussians = dataset.points.position.size();
   tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
   for (std::size_t i = 0; i < 25; ++i) start.mean[7 * i] = glm::vec3(1000.0f + static_cast<float>(i));
@@ -563,10 +569,7 @@ TEST_CASE("under a limit, what no view shows makes room", "[trainer]") {
 TEST_CASE("more Gaussians than the limit grow, and pairs are merged down to it", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
-  tg::TrainSettings settings = shortRun();
-  settings.iterations = 240;
-  settings.texture_iterations = 0;
-  settings.densify_every = 10;
+  tg::TrainSettings settings = densifyingRun();
   settings.densify_threshold = 1e-6f;
   settings.gaussians = dataset.points.position.size() / 6;
   settings.limit_by = tg::LimitBy::merge;
@@ -656,10 +659,7 @@ TEST_CASE("under a limit no place goes that few views show", "[trainer]") {
 TEST_CASE("what is wide for its distance is split at densification, within the limit", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
-  tg::TrainSettings settings = shortRun();
-  settings.iterations = 240;
-  settings.texture_iterations = 0;
-  settings.densify_every = 10;
+  tg::TrainSettings settings = densifyingRun();
   tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
   for (std::size_t i = 0; i < 6; ++i) start.log_scale[50 * i] = glm::vec3(0.5f, -1.0f, -3.0f);
   const auto widest = [&](const tg::GaussianModel& model) {
