@@ -29,7 +29,7 @@ import sys
 
 import svg_plot
 from report_document import Code, Heading, Items, Table, Text, markdown
-from reproduce import FRAMES, LENGTH, ROOT, Locks, Scene, alone, commit, machine, side_by_side
+from reproduce import FRAMES, LENGTH, ROOT, SWAPPED, Locks, Scene, alone, commit, machine, side_by_side
 from reproduce import SCENES as TRIALS
 
 CELLS = ROOT / "docs/lab/frontier"
@@ -118,7 +118,8 @@ class Driver:
         scene, count, degree, arm, seed = name.split("/")
         common = ["--sh-degree", degree[2:], "--seed", seed]
         start = self.train(self.options.work / scene / count / degree / f"start-{seed}", scene, *SCENES[scene].flags,
-                           *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count)
+                           *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count,
+                           *SWAPPED)
         if arm == "plain":
             flags = ["--iterations", LENGTH, "--densification", "none", "--texture-mode", "none"]
         elif is_shared(name):

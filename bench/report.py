@@ -22,15 +22,18 @@ from report_document import Code, Heading, Items, Table, Text, markdown, page
 from report_figures import byte_figures, pictures, rank_figures, share_figures, size_figures, small_figures
 from report_trials import (LABELS, METRICS, Broken, Trials, at, couple, gain, mean, number, percent, published,
                            ranks_of, scaled, score, shown, side, signed, small_kind, twin, used_metrics)
-from reproduce import (COMPARED, DEFAULT_SIZE, KEY_SHARES, KIND_SHARES, KINDS, ROOT, SCENES, SEEDS, SHARES, SIZES,
+from reproduce import (COMPARED, DEFAULT_SIZE, KEY_SHARES, KIND_SHARES, KINDS, MERGED, ROOT, SCENES, SEEDS, SHARES, SIZES,
                        SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TIE, TREATMENTS, TRIALS)
+
+SWAPPED_LABEL = "limit-swap"  # of the cells that nothing is changed in
 
 
 def head(trials):
     done, every = trials.done, trials.cells
     blocks = [Text("A cell is one training and its evaluation. Stage 1 trains Gaussians without textures; stage 2 "
                    "gives textures to its result. The twin is stage 2 without textures: the same Gaussians, as many "
-                   "iterations more. The share is of the Gaussians that stage 1 makes without a limit. Every share has "
+                   "iterations more. The share is of the Gaussians that stage 1 makes without a limit, and kept by "
+                   "`--limit-by swap` where nothing else is said; the default is `merge` (\"Choices\"). Every share has "
                    "as many texels as 4 x 4 at 100 %, as in the paper's Table A.3. Scores are means over held-out "
                    f"views, PSNR on 8-bit values; {metric_names(trials)} where nothing else is said. \"-\": not done."),
               Text(f"{len(done)} of {len(every)} cells are done. One of them again:"),
@@ -313,7 +316,7 @@ def choices(trials):
         reports = [trials.get(f"choice/{scene}/{share:03}/{choice}/{seed}") for seed in SEEDS]
         return [at(report, "training", *keys) for report in reports]
 
-    def table(title, default, others, first):
+    def table(title, default, others, base_label, first=False):
         """default and the values of others: the choice in the cells' names, and a stage. first: stage 1, which makes
         the Gaussians; its scores are shown as they are."""
         groups = [(scene, share) for scene in COMPARED for share in KEY_SHARES
@@ -326,30 +329,34 @@ def choices(trials):
             ratios = [a / b for group in groups for a, b in zip(known(choice, *group, "gaussians"),
                                                                 known(default[0], *group, "gaussians"))
                       if None not in (a, b)]
-            if first or label == "default":
+            if first or label == base_label:
                 cells = [number(average(seeds), 2) for seeds in scores]
             else:
                 cells = [signed(average(seeds)) for seeds in pairs]
-            return [label, *cells, *(judged([pair for pair in pairs if pair]) if label != "default" else ["", ""]),
+            return [label, *cells, *(judged([pair for pair in pairs if pair]) if label != base_label else ["", ""]),
                     *([percent(average(ratios))] if first else [])]
 
         return Table([title, *(f"{scene} {share} %" for scene, share in groups), "difference", "verdict",
                       *(["Gaussians"] if first else [])],
-                     [row("default", *default), *(row(label, *other) for label, other in others.items())])
+                     [row(base_label, *default), *(row(label, *other) for label, other in others.items())])
 
     whole = [(scene, trials.get(f"choice/{scene}/100/none/1")) for scene in COMPARED]
     reached = [f"{number(report['training']['stages']['plain']['test_psnr'], 2)} dB with "
                f"{number(report['training']['gaussians'])} Gaussians ({scene})" for scene, report in whole if report]
     yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
-               "difference is to the default of the same scene, share and seed; \"difference\" is the mean over scenes "
-               "and shares, +- twice its standard error by the seeds. A tie is within that or within "
-               f"{TIE} dB. \"Gaussians\" is beside the default's count.")
+               "difference is to the first row at the same scene, share and seed; \"difference\" is the mean over "
+               "scenes and shares, +- twice its standard error by the seeds. A tie is within that or within "
+               f"{TIE} dB. \"Gaussians\" is beside the first row's count.")
+    twin = "no textures (twin)"
     yield table("after stage 1", ("none", "plain"), {choice: (choice, "plain") for choice in STAGE_1_CHOICES},
-                first=True)
+                SWAPPED_LABEL, first=True)
     yield table("after stage 2", ("rgba-default", "textured"),
-                {"no textures (twin)": ("rgba-default", "untextured"),
+                {twin: ("rgba-default", "untextured"),
                  **{choice: (f"rgba-{choice}", "textured") for choice in STAGE_2_CHOICES if choice != "default"}},
-                first=False)
+                SWAPPED_LABEL)
+    yield table("after stage 2", (f"rgba-{MERGED}", "textured"),
+                {twin: (f"rgba-{MERGED}", "untextured"), SWAPPED_LABEL: ("rgba-default", "textured")},
+                f"default, {MERGED}")
     if reached:
         yield Text(f"Without a limit stage 1 reaches {', '.join(reached)} on the same views.")
 

@@ -63,11 +63,13 @@ SMALL_SHARES = [1, 5, 20]  # Figure A.6: 4 x 4 texels, which are what 100 % lead
 SEEDS = [1, 2, 3]
 DEFAULT_SIZE = "-default"  # label of cells whose textures are as large as the training views allow
 PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001", "--rate-texels-end", "0.001"]
-# What is tried instead of the defaults. A stage-1 choice runs without textures, a stage-2 choice with 4 x 4 texels from
+SWAPPED = ["--limit-by", "swap"]  # how the cells keep their shares, whatever the default
+# What is tried instead of the defaults, or of SWAPPED. A stage-1 choice runs without textures, a stage-2 choice with 4 x 4 texels from
 # the default's stage 1.
+MERGED = "limit-merge"
 STAGE_1_CHOICES = {
     "limit-room": ["--limit-by", "room"],
-    "limit-merge": ["--limit-by", "merge"],
+    MERGED: ["--limit-by", "merge"],
     "mcmc": ["--densification", "mcmc"],
     "rates-3dgs": ["--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005", "--rate-sh-rest",
                    "1.25e-4"],
@@ -106,7 +108,7 @@ def cells(length):
         name, flags = f"{scene}/{share:03}/none/{seed}", [*flags_of(length, 0, seed), "--texture-mode", "none"]
         if share == 100:
             return add(name, scene, flags, picture=seed == 1)
-        return add(name, scene, [*flags, "--percent", str(share)], count=plain(scene, 100, 1), picture=seed == 1)
+        return add(name, scene, [*flags, "--percent", str(share), *SWAPPED], count=plain(scene, 100, 1), picture=seed == 1)
 
     def textured(scene, share, kind, seed, size=None, extra=(), label=""):
         flags = [*flags_of(0, length, seed), "--texture-mode", kind, "--percent", str(share), *extra]
@@ -129,14 +131,19 @@ def cells(length):
         return add(name, scene, [*flags, "--percent", str(share), *extra], count=whole, choice=True)
 
     def choices(scene, share, seed):
-        start = plain_choice(scene, share, "none", [], seed)
-        if share < 100:
-            for choice, extra in STAGE_1_CHOICES.items():
-                plain_choice(scene, share, choice, extra, seed)
-        for choice, extra in STAGE_2_CHOICES.items():
+        start = plain_choice(scene, share, "none", SWAPPED if share < 100 else [], seed)
+
+        def textured_choice(choice, extra, start):
             add(f"choice/{scene}/{share:03}/rgba-{choice}/{seed}", scene,
                 [*flags_of(0, length, seed), "--percent", str(share), "--texture-size", "4", *extra], start=start,
                 count=f"choice/{scene}/100/none/1", choice=True)
+
+        if share < 100:
+            for choice, extra in STAGE_1_CHOICES.items():
+                plain_choice(scene, share, choice, extra, seed)
+            textured_choice(MERGED, STAGE_2_CHOICES["default"], f"choice/{scene}/{share:03}/{MERGED}/{seed}")
+        for choice, extra in STAGE_2_CHOICES.items():
+            textured_choice(choice, extra, start)
 
     # R1, the anchor.
     anchor = ["--preset", "paper", "--seed", "1"]

@@ -104,6 +104,10 @@ void splitScene(const SplitFlags& flags) {
   for (const PlannedBlock& planned : plan) {
     FarmJob job{planned.block.name, planned.block.name, "model.tgz", {}};
     job.flags = {"--gaussians", std::to_string(planned.gaussians), "--test-every", std::to_string(data.test_every)};
+    // What is planned for has no memory for more that are merged later.
+    if (std::ranges::find(common, "--limit-by") == common.end()) {
+      job.flags.insert(job.flags.end(), {"--limit-by", "swap"});
+    }
     if (flags.memory > 0) {
       const std::uint64_t mebibytes = std::max<std::uint64_t>(1, imageMemoryOf(flags.memory) >> 20);
       job.flags.insert(job.flags.end(), {"--image-memory", std::to_string(mebibytes)});

@@ -126,7 +126,6 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
                  : planForSize(options.target_bytes, part, training_pixels, settings.sh_degree, settings.texture_mode);
   const bool planned = !textured_start && !counted, cut = textured && !textured_start && !dealt_out && !dictionary;
   if (planned) settings.gaussians = plan.gaussians;
-  if (!given(is({"limit-by"}))) settings.limit_by = LimitBy::merge;
   if (cut) {
     settings.adaptive_texels = static_cast<float>(plan.texels);
     if (!sized) settings.texture_size = kPlannedTextureSize;

@@ -183,7 +183,9 @@ double TimeLeft::seconds(const RunPlan& plan) const {
   }
   if (plan.first_left > 0) {
     count = std::max(count * plan.first_share, 1.0);
-    sum += plan.first_left * stepCost(load(count)) * settled;
+    const auto grown = static_cast<double>(grownLimit(static_cast<std::size_t>(count), plan.first_pixels));
+    const int before = std::min(schedule_.merge_after, plan.first_left);
+    sum += (before * stepCost(load(grown)) + (plan.first_left - before) * stepCost(load(count))) * settled;
   }
   plain_cost = stepCost(load(count)) / factor_ * settled;
   const double factor = textureFactor(plan.texels, count);

@@ -2,6 +2,7 @@
 // How long a run still takes: what its steps cost as their Gaussians become more, and what textures will cost.
 #pragma once
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -28,10 +29,11 @@ struct RunPlan {
   int cut_left = 0;           // iterations of the textured stage after the cut, as far as they are still to come
   int first_left = 0;         // of stage plain after a counting one, whose limit is first_share of the count
   double first_share = 1;
-  int textured_left = 0;    // of a textured stage to come
-  int untextured_left = 0;  // of its twin
-  int quantized_left = 0;   // of a stage for a file, with the textures that there are then
-  int scorings = 0;         // of the test views, to come
+  std::uint64_t first_pixels = 0;  // of the training views, where that stage merges down to its limit
+  int textured_left = 0;           // of a textured stage to come
+  int untextured_left = 0;         // of its twin
+  int quantized_left = 0;          // of a stage for a file, with the textures that there are then
+  int scorings = 0;                // of the test views, to come
   std::size_t test_views = 0;
 };
 

@@ -452,6 +452,7 @@ RunPlan Trainer::plan() const {
   if (state_.stage == Stage::count) {
     plan.first_left = settings_.iterations;
     plan.first_share = settings_.percent / 100;
+    if (schedule_.merge_after > 0) plan.first_pixels = trainingPixels(dataset_);
   }
   if (textures && before) plan.textured_left = second;
   if (textures && settings_.adaptive_texels > 0 &&

@@ -33,11 +33,12 @@ struct Schedule {
 };
 
 // So many Gaussians may be there until pairs are merged down to `limit`: four times as many, but no more than training
-// views of so many pixels have something to say of.
+// views of so many pixels have something to say of, nor than a machine that trains `limit` surely has the memory for.
 inline std::size_t grownLimit(std::size_t limit, std::uint64_t training_pixels) {
-  constexpr std::size_t kMergedFrom = 4;      // limits
+  constexpr std::uint64_t kMergedFrom = 4;    // limits
   constexpr std::uint64_t kGrownPixels = 32;  // a Gaussian
-  return std::max(limit, std::min(kMergedFrom * limit, static_cast<std::size_t>(training_pixels / kGrownPixels)));
+  constexpr std::uint64_t kMostGrown = 1'000'000;
+  return std::max<std::uint64_t>(limit, std::min({kMergedFrom * limit, training_pixels / kGrownPixels, kMostGrown}));
 }
 
 // Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion.

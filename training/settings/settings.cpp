@@ -171,6 +171,7 @@ TrainSettings presetSettings(std::string_view preset) {
   if (preset != "paper") refuse("preset", "default, quick, paper", std::string(preset));
   settings.iterations = 30'000;
   settings.texture_iterations = 30'000;
+  settings.limit_by = LimitBy::swap;
   settings.densify_score = DensifyScore::magnitudesOnly;
   settings.wide_sigma = 0;
   settings.extent_distances = 0;

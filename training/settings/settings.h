@@ -22,7 +22,7 @@ constexpr auto namesOf(Densification) { return enumNames("none", "adc", "mcmc");
 enum class DensifyScore { sum, magnitudes, magnitudesOnly };
 constexpr auto namesOf(DensifyScore) { return enumNames("sum", "magnitudes", "magnitudes-only"); }
 // How adc keeps to a limit: the highest scores grow while there is room; or those that the training views show least
-// make room for them, a twentieth a round; or these do under a limit four times as high, and then pairs are merged.
+// make room for them, a twentieth a round; or these do under a higher limit (grownLimit), and then pairs are merged.
 enum class LimitBy { room, swap, merge };
 constexpr auto namesOf(LimitBy) { return enumNames("room", "swap", "merge"); }
 // Where stage 1 starts: the data set's points, or random ones.
@@ -51,7 +51,7 @@ struct TrainSettings {
   std::size_t gaussians = 0;   // most Gaussians; 0: no limit
   double percent = 0;          // the limit as a share of default_gaussians [%]; 0: off
   std::size_t default_gaussians = 0;
-  LimitBy limit_by = LimitBy::swap;
+  LimitBy limit_by = LimitBy::merge;
   int sh_degree = 3;
   IntersectionModel intersection = IntersectionModel::maxResponse;
   bool filter_3d = false;

@@ -63,6 +63,26 @@ TEST_CASE("time left is that of stages to come, with Gaussians and textures to c
   CHECK(left.seconds(plan) < 0.7 * actual);
 }
 
+TEST_CASE("a stage 1 of a share takes longer where pairs are merged down to it", "[time]") {
+  TrainSettings settings;
+  settings.iterations = 1000;
+  settings.sh_degree = 0;
+  const Schedule schedule = makeSchedule(settings);
+  TimeLeft left(settings, schedule, 10'000);
+  RunPlan plan;
+  plan.gaussians = 5000;
+  left.beginStage(plan);
+  for (int i = 0; i < 500; ++i) left.add(0.01, 5000);
+  plan.first_left = 1000;
+  plan.first_share = 0.1;
+  const double swapped = left.seconds(plan);
+  const auto steps = [](int count, double gaussians) { return count * 0.01 * (gaussians + 5000) / (5000 + 5000); };
+  CHECK(swapped == Approx(steps(1000, 500)).epsilon(0.01));
+  plan.first_pixels = 10'000'000;
+  REQUIRE(schedule.merge_after == 600);
+  CHECK(left.seconds(plan) == Approx(steps(600, 2000) + steps(400, 500)).epsilon(0.01));
+}
+
 TEST_CASE("stage 2 begins with what is known of textures and goes on with what it measures", "[time]") {
   TrainSettings settings;
   settings.texture_iterations = 1000;

@@ -603,6 +603,8 @@ TEST_CASE("more Gaussians than the limit grow, and pairs are merged down to it",
   CHECK(tg::grownLimit(100, 100 * 32 * 5) == 400);
   CHECK(tg::grownLimit(100, 100 * 32 * 3 + 5) == 300);
   CHECK(tg::grownLimit(100, 100) == 100);
+  CHECK(tg::grownLimit(400'000, std::uint64_t{1} << 40) == 1'000'000);
+  CHECK(tg::grownLimit(2'000'000, std::uint64_t{1} << 40) == 2'000'000);
   const std::size_t few = tg::grownLimit(dataset.points.position.size() / 2, tg::trainingPixels(dataset));
   CHECK(few < 2 * dataset.points.position.size());
   tg::TrainSettings limited = settings;
@@ -741,8 +743,10 @@ TEST_CASE("densification obeys the cap, and the start does too", "[trainer]") {
   settings.iterations = 240;
   settings.texture_iterations = 0;
   settings.gaussians = 500;
+  settings.limit_by = GENERATE(tg::LimitBy::swap, tg::LimitBy::merge);
+  const bool merges = settings.limit_by == tg::LimitBy::merge;
   const tg::TrainResult result = tg::train(dataset, settings, *renderer);
-  CHECK(result.report.initial_gaussians == 500);
+  CHECK(result.report.initial_gaussians == (merges ? tg::grownLimit(500, tg::trainingPixels(dataset)) : 500));
   CHECK(result.model.size() <= 500);
   CHECK(result.model.texture_mode == tg::TextureMode::none);
   settings.gaussians = 700;
