@@ -19,6 +19,7 @@
 #include "core/system/program.h"
 #include "training/data/plan_blocks.h"
 #include "training/farm/jobs.h"
+#include "training/settings/schedule.h"
 
 namespace tg {
 namespace {
@@ -97,17 +98,16 @@ void splitScene(const SplitFlags& flags) {
   printNotes(flags.dataset, dataset);
   if (dataset.block) throw Error(ErrorKind::badData, flags.dataset, "is a block already (expected a whole data set)");
   const glm::dvec3 up = upOf(dataset.views).value_or(upOfPoints(dataset.points));
-  const std::vector<PlannedBlock> plan = planBlocks(dataset, glm::normalize(up), options);
   std::istringstream words(flags.train);
   const std::vector<std::string> common = {std::istream_iterator<std::string>(words), {}};
+  if (std::ranges::find(common, "--limit-by") == common.end()) {
+    options.grown = [pixels = trainingPixels(dataset)](std::size_t limit) { return grownLimit(limit, pixels); };
+  }
+  const std::vector<PlannedBlock> plan = planBlocks(dataset, glm::normalize(up), options);
   std::string jobs;
   for (const PlannedBlock& planned : plan) {
     FarmJob job{planned.block.name, planned.block.name, "model.tgz", {}};
     job.flags = {"--gaussians", std::to_string(planned.gaussians), "--test-every", std::to_string(data.test_every)};
-    // What is planned for has no memory for more that are merged later.
-    if (std::ranges::find(common, "--limit-by") == common.end()) {
-      job.flags.insert(job.flags.end(), {"--limit-by", "swap"});
-    }
     if (flags.memory > 0) {
       const std::uint64_t mebibytes = std::max<std::uint64_t>(1, imageMemoryOf(flags.memory) >> 20);
       job.flags.insert(job.flags.end(), {"--image-memory", std::to_string(mebibytes)});

@@ -179,11 +179,15 @@ std::vector<std::size_t> chooseViews(const Dataset& dataset, const GridCell& cel
   return train;
 }
 
-std::uint64_t trainingMemory(std::size_t gaussians, std::uint64_t photographs, std::uint64_t memory) {
-  const std::size_t floats = gaussianFloats(shCountOf(3)) + kTexelFloats;
-  const double numbers = 3.0 * static_cast<double>(floats * sizeof(float));  // a parameter and two moments
-  if (memory > 0) photographs = std::min(photographs, imageMemoryOf(memory));
-  return static_cast<std::uint64_t>(kWorking * numbers * static_cast<double>(gaussians)) + photographs;
+std::uint64_t trainingMemory(std::size_t gaussians, std::uint64_t photographs, const BlockOptions& options) {
+  const auto bytes = [](std::size_t count, std::size_t floats) {
+    const double numbers = 3.0 * static_cast<double>(floats * sizeof(float));  // a parameter and two moments
+    return static_cast<std::uint64_t>(kWorking * numbers * static_cast<double>(count));
+  };
+  if (options.memory > 0) photographs = std::min(photographs, imageMemoryOf(options.memory));
+  const std::size_t floats = gaussianFloats(shCountOf(3));
+  const std::size_t grown = options.grown ? options.grown(gaussians) : gaussians;
+  return std::max(bytes(gaussians, floats + kTexelFloats), bytes(grown, floats)) + photographs;
 }
 
 std::uint64_t photographBytes(const Dataset& dataset, const std::vector<std::size_t>& views) {
@@ -279,7 +283,7 @@ std::vector<PlannedBlock> planBlocks(const Dataset& dataset, const glm::dvec3& u
       plan_of({columns, rows});
       if (cells.empty()) break;
       fits = std::ranges::all_of(plan, [&](const PlannedBlock& block) {
-        return trainingMemory(block.gaussians, photographs, options.memory) <= options.memory;
+        return trainingMemory(block.gaussians, photographs, options) <= options.memory;
       });
     }
     if (!fits) throw Error(ErrorKind::usage, "--memory: no grid of blocks fits into it (expected more)");
@@ -297,7 +301,7 @@ std::vector<PlannedBlock> planBlocks(const Dataset& dataset, const glm::dvec3& u
       throw Error(ErrorKind::badData, dataset.name,
                   block.block.name + " has no cameras: no training view sees its points (expected a coarser grid)");
     }
-    block.memory = trainingMemory(block.gaussians, photographBytes(dataset, block.views), options.memory);
+    block.memory = trainingMemory(block.gaussians, photographBytes(dataset, block.views), options);
   }
   return plan;
 }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <glm/glm.hpp>
 #include <optional>
 #include <span>
@@ -21,6 +22,8 @@ struct BlockOptions {
   double padding = 0.2;       // of a cell's sides
   std::size_t least = 100;    // training views of a block, where so many see it
   std::size_t most = 1500;    // training views of a block
+  // Most Gaussians that a training of so many textured ones has before it has textures; none: as many.
+  std::function<std::size_t(std::size_t)> grown{};
 };
 
 struct PlannedBlock {

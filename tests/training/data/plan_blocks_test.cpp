@@ -150,6 +150,13 @@ TEST_CASE("as few blocks as the memory allows", "[blocks]") {
   const std::vector<tg::PlannedBlock> plan = tg::planBlocks(dataset, kUp, wanted);
   CHECK(plan.size() > 4);
   for (const tg::PlannedBlock& block : plan) CHECK(block.memory <= wanted.memory);
+  // Twice as many without textures take no more than as many with them; four times as many do.
+  wanted.grown = [](std::size_t gaussians) { return 2 * gaussians; };
+  CHECK(tg::planBlocks(dataset, kUp, wanted).size() == plan.size());
+  wanted.grown = [](std::size_t gaussians) { return 4 * gaussians; };
+  const std::vector<tg::PlannedBlock> smaller = tg::planBlocks(dataset, kUp, wanted);
+  CHECK(smaller.size() > plan.size());
+  for (const tg::PlannedBlock& block : smaller) CHECK(block.memory <= wanted.memory);
   wanted.memory = 1 << 20;
   CHECK_THAT(tg::test::messageOf([&] { tg::planBlocks(dataset, kUp, wanted); }, tg::ErrorKind::usage),
              Contains("--memory: no grid of blocks fits into it"));
