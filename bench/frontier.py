@@ -12,8 +12,9 @@ A cell is SCENE/GAUSSIANS/shDEGREE/ARM/SEED: stage 1 to so many Gaussians, then 
 plain: without textures; rgba-8: with RGBA textures of 8 texels a Gaussian in the mean (tgtrain --adaptive-texels);
 shared4-64: with 64 different textures of 4 x 4 texels, which Gaussians share (--texture-dictionary). Its model is
 written with several widths of steps, and with some of them trained for the file as well, if not --cut; bytes are those
-of the .sog file, scores those of the file over the test views. One that is done leaves docs/lab/frontier/CELL.json. A
-call runs what is missing, in order, and may be stopped at any moment: WORK keeps the run folders, and the same call
+of the .sog file, scores those of the file over the test views. command/SCENE/SIZE/ARM/SEED is what one command makes
+of a size: tgtrain SCENE -o scene.sog --target-size SIZE --texture-mode none (plain) or rgba, scored with textures and as
+viewers without them show it. One that is done leaves docs/lab/frontier/CELL.json. A call runs what is missing, in order, and may be stopped at any moment: WORK keeps the run folders, and the same call
 goes on.
 """
 import argparse
@@ -54,6 +55,10 @@ CODEC = 2  # of the files: 1 before Gaussians stood along a Hilbert curve with r
 SIDE = 8  # [texels] of the textures that are cut
 FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs' at half size
 PLOTS_A_ROW = 4
+COMMAND = "command"
+COMMAND_SIZES = {**{scene: ["25KB", "150KB"] for scene in ("fox", "lego", "printshop")},
+                 **{scene: ["250KB", "500KB"] for scene in FULL}}
+COMMAND_ARMS = {"plain": "none", "rgba": "rgba"}  # and the texture mode
 LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
 
@@ -70,6 +75,15 @@ def cells():
         return seed, DEGREES.index(int(degree[2:])) + outer, rank[arm] > 1, rank[arm]
 
     return sorted(names, key=key)
+
+
+def commands():
+    return ["/".join([COMMAND, scene, size, arm, str(seed)]) for seed in SEEDS for scene, sizes in COMMAND_SIZES.items()
+            for size in sizes for arm in COMMAND_ARMS]
+
+
+def is_command(name):
+    return name.startswith(COMMAND + "/")
 
 
 def is_shared(name):
@@ -105,7 +119,12 @@ class Driver:
         report = json.loads(path.read_text()) if path.exists() else {}
         if "trained" in report:
             return
+        if is_command(name) and report:
+            return
         print(name, file=sys.stderr, flush=True)
+        if is_command(name):
+            write(path, self.command(name))
+            return
         if not report:
             report = self.cut(name)
             write(path, report)
@@ -131,6 +150,24 @@ class Driver:
             flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", mode, "--texture-size", SIDE,
                      "--adaptive-texels", texels]
         return self.train(self.options.work / name, scene, "--start-model", start, *common, *flags)
+
+    def command(self, name):
+        _, scene, size, arm, seed = name.split("/")
+        begun, run = commit(), self.options.work / name
+        file, base = run.with_suffix(".sog"), run.with_suffix(".ply")
+        run.parent.mkdir(parents=True, exist_ok=True)
+        self.call(scene, "tgtrain", self.options.data / SCENES[scene].folder, "-o", file, "--overwrite", "--run", run,
+                  "--resume", "-q", "--device", self.options.device, "--metrics-every", 0, "--checkpoint-every", 120,
+                  *SCENES[scene].flags, "--seed", seed, "--target-size", size, "--texture-mode", COMMAND_ARMS[arm])
+        training = training_of(run / "model.tgz")
+        report = {"cell": name, "commit": begun, "machine": machine(), "training": training, "codec": CODEC,
+                  "bytes": file.stat().st_size, **self.score(scene, file, run)}
+        if arm != "plain":
+            subprocess.run([self.options.bin / "tgconvert", file, base, "--base-only", "--overwrite", "--quiet"],
+                           check=True)
+            background = ",".join(str(channel) for channel in training["background"])
+            report["base"] = self.score(scene, base, run, "--background", background)
+        return report
 
     def cut(self, name):
         """The cell's model, written with every width of steps."""
@@ -194,9 +231,9 @@ class Driver:
         write(CELLS / "frames.json", {**timed, name: {"ms": frame["processor_ms"],
                                                       **{key: frame[key] for key in ("device", "width", "height")}}})
 
-    def score(self, scene, model, run):
+    def score(self, scene, model, run, *flags):
         self.call(scene, "tgeval", model, self.options.data / SCENES[scene].folder, "--json", run / "eval.json",
-                  "--overwrite")
+                  "--overwrite", *flags)
         scores = json.loads((run / "eval.json").read_text())
         return {key: scores[key] for key in ("gaussians", "texels", "psnr", "ssim", "flip")}
 
@@ -229,9 +266,9 @@ def training_of(model):
 # ---- The report
 
 
-def done_cells(folder):
+def done_cells(folder, names):
     found = {}
-    for name in cells():
+    for name in names:
         path = folder / f"{name}.json"
         if path.exists():
             found[name] = json.loads(path.read_text())
@@ -395,6 +432,33 @@ def by_size(found):
     return rows
 
 
+def least(commanded):
+    """Of what a file takes of the size that it was asked for [%]."""
+    shares = [report["bytes"] / (1000 * int(name.split("/")[2].removesuffix("KB"))) for name, report in commanded.items()]
+    return f"{math.floor(1000 * min(shares)) / 10:.1f}" if shares else "-"
+
+
+def by_command(commanded):
+    """Rows of scenes and sizes whose arms are both there, means over the seeds of both."""
+    def text(scores):
+        psnr, ssim, flip = (statistics.fmean(score[key] for score in scores) for key in ("psnr", "ssim", "flip"))
+        return f"{psnr:.2f} / {ssim:.4f} / {flip:.4f}"
+
+    rows = []
+    for scene, sizes in COMMAND_SIZES.items():
+        for size in sizes:
+            pairs = [pair for seed in SEEDS
+                     if all(pair := [commanded.get(f"{COMMAND}/{scene}/{size}/{arm}/{seed}") for arm in COMMAND_ARMS])]
+            if not pairs:
+                continue
+            plain, textured = zip(*pairs)
+            counts = [f"{statistics.fmean(report['gaussians'] for report in arm):,.0f}" for arm in (plain, textured)]
+            rows.append([scene, size.replace("KB", " kB"), str(len(pairs)), *counts, text(plain), text(textured),
+                         over_seeds([b["psnr"] - a["psnr"] for a, b in pairs], "{:+.2f}"),
+                         text([report["base"] for report in textured])])
+    return rows
+
+
 def frame_times(found, timed):
     """Rows of textured cells: a frame, and one of as many plain Gaussians as come to the same PSNR."""
     seeds = {}
@@ -429,7 +493,7 @@ def texels_each(name, scores):
 
 
 def report(folder, page, picture):
-    found = done_cells(folder)
+    found, commanded = done_cells(folder, cells()), done_cells(folder, commands())
     if not found:
         sys.exit(f"{folder}: no cell is done")
     blocks = [
@@ -458,6 +522,15 @@ def report(folder, page, picture):
                "at equal FLIP [%]"], whole_range(found)),
         Text("The same at some sizes [dB]:"),
         Table(["scene", "files", "bytes", "seeds", "with textures", "without textures", "gain"], by_size(found)),
+        Heading("By one command"),
+        Text("What a user gets who names bytes and leaves the rest to the program; scores are PSNR / SSIM / FLIP of the "
+             f"files, means over seeds, the gain +- twice its standard error. Files have {least(commanded)} % of their "
+             "size or more. Gaussians: merged down from up to four times as many. The base is what viewers show that "
+             "know no textures. One of them again, as a cell and by hand:"),
+        Code("bench/frontier.py run --data DATA --work WORK --only command/lego/25KB/rgba/1\n"
+             "tgtrain lego_400 --downscale 2 --start random -o scene.sog --target-size 25KB --texture-mode rgba"),
+        Table(["scene", "size", "seeds", "Gaussians without textures", "with", "without textures", "with", "gain [dB]",
+               "base"], by_command(commanded)),
         Heading("The files on the hull")]
     rows, pictures = [], []
     for scene in COUNTS:
@@ -498,8 +571,9 @@ def report(folder, page, picture):
                        *([f"{file['bytes'] / 1000:,.1f} kB, {file['psnr']:.2f}" for file in cell["trained"]]
                          if "trained" in cell else ["-"] * len(TRAINED))]
                       for name, cell in found.items()])]
-    machines = sorted({f"{c['machine']['processor']}, {c['machine']['cores']} cores" for c in found.values()})
-    blocks.append(Items(f"{name}; commits " + ", ".join(sorted({f"`{c['commit']}`" for c in found.values()}))
+    every = [*found.values(), *commanded.values()]
+    machines = sorted({f"{c['machine']['processor']}, {c['machine']['cores']} cores" for c in every})
+    blocks.append(Items(f"{name}; commits " + ", ".join(sorted({f"`{c['commit']}`" for c in every}))
                         for name in machines))
     page.write_text(markdown("The best picture per byte", blocks))
     picture.write_text(standalone(pictures))
@@ -540,7 +614,8 @@ def main():
     if options.verb == "report":
         report(options.cells, options.page, options.picture)
         return
-    chosen = [name for name in cells() if any(fnmatch.fnmatch(name, glob) for glob in options.only or ["*"])]
+    names = cells() if options.verb in ("again", "frames") else [*cells(), *commands()]
+    chosen = [name for name in names if any(fnmatch.fnmatch(name, glob) for glob in options.only or ["*"])]
     if not chosen:
         parser.error(f"no cell is named {' or '.join(options.only)} (see list)")
     if options.verb == "list":
