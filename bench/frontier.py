@@ -14,8 +14,8 @@ shared4-64: with 64 different textures of 4 x 4 texels, which Gaussians share (-
 written with several widths of steps, and with some of them trained for the file as well, if not --cut; bytes are those
 of the .sog file, scores those of the file over the test views. command/SCENE/SIZE/ARM/SEED is what one command makes
 of a size: tgtrain SCENE -o scene.sog --target-size SIZE --texture-mode none (plain) or rgba, scored with textures and as
-viewers without them show it. One that is done leaves docs/lab/frontier/CELL.json. A call runs what is missing, in order, and may be stopped at any moment: WORK keeps the run folders, and the same call
-goes on.
+viewers without them show it. One that is done leaves docs/lab/frontier/CELL.json. A call runs what is missing, in
+order, and may be stopped at any moment: WORK keeps the run folders, and the same call goes on.
 """
 import argparse
 import fnmatch

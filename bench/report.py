@@ -346,7 +346,8 @@ def choices(trials):
     yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
                "difference is to the first row at the same scene, share and seed; \"difference\" is the mean over "
                "scenes and shares, +- twice its standard error by the seeds. A tie is within that or within "
-               f"{TIE} dB. \"Gaussians\" is beside the first row's count.")
+               f"{TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
+               "have no limit.")
     twin = "no textures (twin)"
     yield table("after stage 1", ("none", "plain"), {choice: (choice, "plain") for choice in STAGE_1_CHOICES},
                 SWAPPED_LABEL, first=True)

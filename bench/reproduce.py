@@ -64,15 +64,15 @@ SEEDS = [1, 2, 3]
 DEFAULT_SIZE = "-default"  # label of cells whose textures are as large as the training views allow
 PAPER_TEXELS = ["--texture-init", "paper", "--rate-texels", "0.001", "--rate-texels-end", "0.001"]
 SWAPPED = ["--limit-by", "swap"]  # how the cells keep their shares, whatever the default
-# What is tried instead of the defaults, or of SWAPPED. A stage-1 choice runs without textures, a stage-2 choice with 4 x 4 texels from
-# the default's stage 1.
+# What is tried instead of SWAPPED and the other defaults. A stage-1 choice runs without textures, a stage-2 choice with
+# 4 x 4 texels from SWAPPED's stage 1, but for that of MERGED.
 MERGED = "limit-merge"
 STAGE_1_CHOICES = {
     "limit-room": ["--limit-by", "room"],
     MERGED: ["--limit-by", "merge"],
     "mcmc": ["--densification", "mcmc"],
-    "rates-3dgs": ["--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005", "--rate-sh-rest",
-                   "1.25e-4"],
+    "rates-3dgs": [*SWAPPED, "--rate-position", "1.6e-4", "--rate-position-end", "1.6e-6", "--rate-scale", "0.005",
+                   "--rate-sh-rest", "1.25e-4"],
 }
 STAGE_2_CHOICES = {
     "default": ["--compare-untextured"],

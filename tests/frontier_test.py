@@ -106,6 +106,22 @@ class Frontier(unittest.TestCase):
         self.assertIn("| fox | 3,400 Gaussians, SH 1, rgba 2 | 1 | 22.00 | 15.0 | 20.0 | -25 |", page)
         self.assertNotIn("| fox | 6,800 Gaussians, SH 1, rgba 2 | 1 | 25.00", page)  # no plain one comes to that
 
+    def test_what_one_command_makes_is_compared_seed_by_seed(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            add(folder, "fox/1700/sh1/plain/1", (10000, 20.0))
+            for arm, seed, size, psnr in (("plain", 1, 24600, 27.0), ("rgba", 1, 24900, 28.0), ("plain", 2, 25000, 27.5),
+                                          ("rgba", 2, 25000, 28.1), ("rgba", 3, 25000, 20.0)):
+                scores = {"gaussians": 1000 if arm == "plain" else 900, "psnr": psnr, "ssim": 0.9, "flip": 0.05}
+                path = folder / f"command/fox/25KB/{arm}/{seed}.json"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(json.dumps({"commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
+                                            "bytes": size, **scores, "base": {**scores, "psnr": 25.0}}))
+            page, _ = self.report(folder)
+        self.assertIn("| fox | 25 kB | 2 | 1,000 | 900 | 27.25 / 0.9000 / 0.0500 | 28.05 / 0.9000 / 0.0500 | +0.80 +- 0.40 "
+                      "| 25.00 / 0.9000 / 0.0500 |", page)
+        self.assertIn("have 98.4 % of their size", page)
+
     def test_a_cell_that_was_cut_elsewhere_is_trained_again_for_its_files(self):
         with tempfile.TemporaryDirectory() as folder:
             folder, name = pathlib.Path(folder), "fox/1700/sh1/plain/1"

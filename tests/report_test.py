@@ -171,6 +171,7 @@ class ReportTest(unittest.TestCase):
             self.add(f"choice/fox/001/{noisy}/{seed}", 20.0 + 10 * noise)
             self.add(f"choice/fox/001/rgba-default/{seed}", 22.0, 21.0)
             self.add(f"choice/fox/001/rgba-{worse}/{seed}", 21.9 + noise)
+            self.add(f"choice/fox/001/rgba-{reproduce.MERGED}/{seed}", 22.5, 21.4)
         text = self.results()
         found = row(text, "Choices", better)
         self.assertEqual((found[0], found[1], found[-3:]), ("20.51", "-", ["+0.51 +- 0.02", "better", "90.0 %"]))
@@ -179,6 +180,8 @@ class ReportTest(unittest.TestCase):
         found = row(text, "Choices", worse)
         self.assertEqual((found[0], found[1], found[-2:]), ("-0.09", "-", ["-0.09 +- 0.02", "worse"]))
         self.assertEqual(row(text, "Choices", "no textures (twin)")[0], "-1.00")
+        merged = text[text.index("| default, limit-merge | 22.50 |"):]
+        self.assertEqual([line.split(" | ")[1] for line in merged.splitlines()[1:3]], ["-1.10", "-0.50"])
 
     def test_frames_and_pictures(self):
         self.add("fox/001/none/1", 25.0)

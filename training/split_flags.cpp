@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -37,6 +38,27 @@ glm::ivec2 gridOf(const std::string& text) {
     refuseValue("--blocks", text, "columns x rows of 1 to " + std::to_string(kLongestSide) + ", such as 3x2");
   }
   return {columns, rows};
+}
+
+// Whether a training with these flags has more Gaussians than its limit until pairs are merged; what a file says to
+// --config is not known.
+bool merges(const std::vector<std::string>& flags) {
+  std::map<std::string, std::string> given;
+  for (std::size_t i = 0; i < flags.size(); ++i) {
+    const std::size_t equals = flags[i].find('=');
+    if (equals != std::string::npos) {
+      given[flags[i].substr(0, equals)] = flags[i].substr(equals + 1);
+    } else if (i + 1 < flags.size()) {
+      given[flags[i]] = flags[i + 1];
+    }
+  }
+  TrainSettings settings = presetSettings(given.contains("--preset") ? given["--preset"] : "default");
+  for (const SettingEntry& entry : settingEntries()) {
+    const bool decides = entry.name == "limit-by" || entry.name == "densification" || entry.name == "iterations" ||
+                         entry.name == "densify-until";
+    if (decides && given.contains("--" + entry.name)) entry.set(settings, given["--" + entry.name]);
+  }
+  return makeSchedule(settings).merge_after > 0;
 }
 
 }  // namespace
@@ -100,7 +122,7 @@ void splitScene(const SplitFlags& flags) {
   const glm::dvec3 up = upOf(dataset.views).value_or(upOfPoints(dataset.points));
   std::istringstream words(flags.train);
   const std::vector<std::string> common = {std::istream_iterator<std::string>(words), {}};
-  if (std::ranges::find(common, "--limit-by") == common.end()) {
+  if (merges(common)) {
     options.grown = [pixels = trainingPixels(dataset)](std::size_t limit) { return grownLimit(limit, pixels); };
   }
   const std::vector<PlannedBlock> plan = planBlocks(dataset, glm::normalize(up), options);

@@ -86,9 +86,9 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
 }
 
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md,
-// docs/lab/quality.md): SH degree 1, a limit that is kept by merging, and no textures where neither a flag nor the
-// start model speaks of them; where one does, textures that Gaussians share, if these can be trained (`shares`). A
-// start model keeps its SH degree, one with textures its Gaussians and their texels. Returns what to say of it.
+// docs/lab/quality.md): SH degree 1, and no textures where neither a flag nor the start model speaks of them; where one
+// does, textures that Gaussians share, if these can be trained (`shares`). A start model keeps its SH degree, one with
+// textures its Gaussians and their texels. Returns what to say of it.
 std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start, bool shares,
                      TrainSettings& settings) {
   const auto given = [&](const auto& named) { return tg::given(options, settings, named); };

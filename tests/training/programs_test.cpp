@@ -171,6 +171,8 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   const std::string small = "wide --overwrite --preset quick --target-size 4KB -o a.sog ";
   CHECK_THAT(tgtrain(folder, small).output, Contains("132 Gaussians (up to 512 until pairs are merged)\n"));
   CHECK_THAT(tgtrain(folder, small + "--limit-by swap").output, !Contains("merged"));
+  const std::string paper = "wide --overwrite --preset paper --iterations 20 --texture-iterations 4 -o a.sog ";
+  CHECK_THAT(tgtrain(folder, paper + "--target-size 4KB").output, Contains("planned for") && !Contains("merged"));
   // A flag that says what the preset says is said.
   REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --iterations 20 --texture-iterations 4 > short.toml").code == 0);
   const Outcome named = tgtrain(folder,

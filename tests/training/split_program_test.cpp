@@ -35,6 +35,25 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   REQUIRE(split.code == 0);
   CHECK_THAT(split.output, Contains("block_0_0: ") && Contains("wrote 2 blocks to blocks"));
   CHECK_THAT(contents(folder / "blocks/jobs.jsonl"), Contains("\"--context\",\"../coarse.tgz\""));
+  // What grows before it is merged counts where the jobs merge.
+  int splits = 0;
+  const auto wanted = [&](const std::string& train) {
+    const std::string name = "split_" + std::to_string(++splits);
+    const Outcome outcome =
+        program(folder, TG_TGTRAIN, "split city " + name + " --memory 700KB --gaussians 100 --train '" + train + "'");
+    INFO(outcome.output);
+    REQUIRE(outcome.code == 0);
+    return tg::readBlocks(folder / name).size();
+  };
+  const std::size_t swapping = wanted("--limit-by swap");
+  for (const std::string train :
+       {"--limit-by=room", "--preset paper", "--densification mcmc", "--densify-until 7000"}) {
+    CHECK(wanted(train) == swapping);
+  }
+  const std::size_t merging = wanted("--iterations 100");
+  CHECK(merging > swapping);
+  CHECK(wanted("--limit-by merge") == merging);
+
   const Outcome farm = tgtrain(folder, "farm blocks/jobs.jsonl --out farm");
   INFO(farm.output);
   REQUIRE(farm.code == 0);

@@ -32,7 +32,8 @@ struct PlannedBlock {
   std::size_t train_views = 0;        // of them
   std::vector<std::uint32_t> points;  // in the padded cell, ascending
   std::size_t gaussians = 0;          // the padded cell's share by points
-  std::uint64_t memory = 0;           // [bytes] that training takes, by estimate: 4 x 4 RGBA textures, SH degree 3
+  // [bytes] that training takes, by estimate: 4 x 4 RGBA textures and SH degree 3, or what grows before
+  std::uint64_t memory = 0;
 };
 
 // The share of `memory` that photographs may take; what is beyond is read when it is needed.

@@ -655,7 +655,13 @@ StageReport Trainer::stageReport() const {
 }
 
 bool Trainer::end(const std::atomic<bool>* stop) {
-  if (state_.stage == Stage::plain && (swaps() || picks())) keepMostSeen(limit());
+  if (state_.stage == Stage::plain && (swaps() || picks())) {
+    if (swaps() && settings_.limit_by == LimitBy::merge) {
+      mergePairs();
+    } else {
+      keepMostSeen(limit());
+    }
+  }
   StageReport report = stageReport();
   if (state_.stage != Stage::count && !dataset_.indices(true).empty()) {
     report.test = testScore(stop);

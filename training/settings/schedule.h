@@ -33,7 +33,8 @@ struct Schedule {
 };
 
 // So many Gaussians may be there until pairs are merged down to `limit`: four times as many, but no more than training
-// views of so many pixels have something to say of, nor than a machine that trains `limit` surely has the memory for.
+// views of so many pixels have something to say of, nor than a million, which take 2 GB to train: a limit may be there
+// for the memory.
 inline std::size_t grownLimit(std::size_t limit, std::uint64_t training_pixels) {
   constexpr std::uint64_t kMergedFrom = 4;    // limits
   constexpr std::uint64_t kGrownPixels = 32;  // a Gaussian
@@ -57,9 +58,11 @@ inline Schedule makeSchedule(const TrainSettings& settings) {
   if (settings.densification == Densification::none) schedule.densify_until = 0;
   schedule.reset_every = adc ? pick(settings.reset_every, iterations >= 6000 ? 3000 : 0) : 0;
   schedule.reset_until = std::min(schedule.densify_until - schedule.densify_every, iterations - iterations / 3);
-  // Some time after the last round, for what it has brought to settle.
-  if (adc && settings.limit_by == LimitBy::merge) {
-    schedule.merge_after = std::min(schedule.densify_until + schedule.densify_until / 5, iterations);
+  // Some time after the last round, for what it has brought to settle, and before the end, for what is merged. Where
+  // rounds go on to the end a limit swaps.
+  const int until = schedule.densify_until, after = iterations - until;
+  if (adc && settings.limit_by == LimitBy::merge && until > 0 && after > 0) {
+    schedule.merge_after = until + std::min(until / 5, after / 2);
   }
   return schedule;
 }

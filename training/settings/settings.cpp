@@ -79,7 +79,7 @@ std::vector<SettingEntry> makeEntries() {
       choice("start", &S::start, "Start from the data set's points, or from random ones"),
       number("init-count", &S::init_count, 0, kMostGaussians, "points",
              "Points to start from (0: all; 100000 if random)"),
-      number("gaussians", &S::gaussians, 0, kMostGaussians, "Gaussians", "Most Gaussians (0: no limit)"),
+      number("gaussians", &S::gaussians, 0, kMostGaussians, "Gaussians", "Most Gaussians in the end (0: no limit)"),
       number("percent", &S::percent, 0, 100, "%", "The limit as a share of default-gaussians (0: off)"),
       number("default-gaussians", &S::default_gaussians, 0, kMostGaussians, "Gaussians",
              "Gaussians that stage 1 reaches without a limit (0: a stage 1 of its own finds out)"),

@@ -48,7 +48,7 @@ struct TrainSettings {
 
   Start start = Start::points;
   std::size_t init_count = 0;  // points to start from; 0: all, or 100,000 random ones
-  std::size_t gaussians = 0;   // most Gaussians; 0: no limit
+  std::size_t gaussians = 0;   // most Gaussians in the end; 0: no limit
   double percent = 0;          // the limit as a share of default_gaussians [%]; 0: off
   std::size_t default_gaussians = 0;
   LimitBy limit_by = LimitBy::merge;

@@ -34,6 +34,7 @@ tg::TrainSettings shortRun() {
   settings.densify_until = 34;
   settings.sh_every = 10;
   settings.gaussians = 500;
+  settings.limit_by = tg::LimitBy::swap;
   settings.pixels_per_texel = 0;
   return settings;
 }

@@ -649,6 +649,7 @@ TEST_CASE("under a limit no place goes that few views show", "[trainer]") {
   settings.densify_until = 460;
   settings.reset_every = 10'000;
   settings.gaussians = dataset.points.position.size();
+  settings.limit_by = tg::LimitBy::swap;
   const tg::GaussianModel model = tg::train(dataset, settings, *tg::makeCpuDifferentiableRenderer()).model;
   std::vector<int> left(kPlaces, 0);
   for (const glm::vec3 mean : model.mean) {
@@ -692,6 +693,7 @@ TEST_CASE("all random points are the start under a limit: the first round picks,
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::TrainSettings settings = shortRun();
   settings.densification = GENERATE(tg::Densification::adc, tg::Densification::mcmc);
+  settings.limit_by = GENERATE(tg::LimitBy::swap, tg::LimitBy::merge);
   settings.start = tg::Start::random;
   settings.init_count = 2000;
   settings.gaussians = 300;

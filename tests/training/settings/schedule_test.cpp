@@ -35,3 +35,17 @@ TEST_CASE("short schedules keep the shape of long ones") {
   for (int i = 1; i <= 2000; ++i) CHECK_FALSE(quick.resetsOpacity(i));
   CHECK(schedule(1).raisesShDegree(1));
 }
+
+TEST_CASE("pairs are merged after the last round and before the end") {
+  CHECK(tg::makeSchedule(tg::presetSettings("default")).merge_after == 4200);
+  CHECK(tg::makeSchedule(tg::presetSettings("quick")).merge_after == 420);
+  CHECK(tg::makeSchedule(tg::presetSettings("paper")).merge_after == 0);
+  tg::TrainSettings settings;
+  settings.densify_until = 6900;
+  CHECK(tg::makeSchedule(settings).merge_after == 6950);
+  settings.densify_until = GENERATE(0, 7000, 15000);
+  CHECK(tg::makeSchedule(settings).merge_after == 0);
+  settings.densify_until = -1;
+  settings.densification = GENERATE(tg::Densification::none, tg::Densification::mcmc);
+  CHECK(tg::makeSchedule(settings).merge_after == 0);
+}
