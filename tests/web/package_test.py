@@ -236,6 +236,16 @@ def show_many(browser, address, references):
     browser.evaluate(f"elements[0].viewer.setSize('{SIDE}x{SIDE}')")
     compare(browser, "element, after it gave its context back", from_data_url(browser.evaluate("elements[0].picture()")),
             references["scene.glb", 36])
+    for when, pause in (("at once", ""), ("after a while", "await new Promise((done) => setTimeout(done, 100));")):
+        picture = browser.evaluate(f"""(async ([element]) => {{
+            const {{device}} = element.viewer;
+            device.loseContext();
+            setTimeout(() => device.restoreContext(), 200);
+            {pause}
+            return element.picture();
+        }})(elements)""")
+        compare(browser, f"element, asked for a picture {when} while its device is lost", from_data_url(picture),
+                references["scene.glb", 36])
     expect("no word on the element's console", not browser.log, browser.log[:3])
 
 

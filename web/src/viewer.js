@@ -223,7 +223,7 @@ export class Viewer {
   get moving() { return performance.now() - this.lastInput < REST_MILLISECONDS; }
 
   frame(time) {
-    if (this.lost) return;
+    if (this.lost || this.renderer.gl.isContextLost()) return;  // whoever waits does so for restore()
     if (!this.renderer.idle) {  // a picture that the device cannot begin yet would hold up the page
       setTimeout(() => this.changed(), PATIENCE_MILLISECONDS);
       return;
@@ -391,14 +391,14 @@ export class Viewer {
   }
 
   // The picture for these settings, as a data URL of a PNG; of a scene with levels once all is there that the view
-  // wants.
+  // wants, and where the device is lost once there is another one.
   async picture(wanted = {}) {
     this.apply(wanted);
     await this.taking;
     do {
-      await this.splats.completed();
+      if (this.splats) await this.splats.completed();
       await this.settled();  // goes on in the task that drew: later the canvas is empty
-    } while (!this.splats.complete);
+    } while (!this.splats || !this.splats.complete);
     return this.canvas.toDataURL('image/png');
   }
 
