@@ -117,9 +117,7 @@ class Driver:
     def run(self, name):
         path = CELLS / f"{name}.json"
         report = json.loads(path.read_text()) if path.exists() else {}
-        if "trained" in report:
-            return
-        if is_command(name) and report:
+        if "trained" in report or (is_command(name) and report):
             return
         print(name, file=sys.stderr, flush=True)
         if is_command(name):
