@@ -33,8 +33,8 @@ struct Schedule {
 };
 
 // So many Gaussians may be there until pairs are merged down to `limit`: four times as many, but no more than training
-// views of so many pixels have something to say of, nor than a million, some 2 GB by planBlocks()' estimate: a limit may
-// be there for the memory.
+// views of so many pixels have something to say of, nor than a million, some 2 GB by planBlocks()' estimate: a limit
+// may be there for the memory.
 inline std::size_t grownLimit(std::size_t limit, std::uint64_t training_pixels) {
   constexpr std::uint64_t kMergedFrom = 4;    // limits
   constexpr std::uint64_t kGrownPixels = 32;  // a Gaussian
