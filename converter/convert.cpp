@@ -137,8 +137,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                              .steps = options.steps,
                              .texture_step = options.texture_step,
                              .spz_version = options.spz_version,
-                             .replace = options.overwrite || options.dry_run,
-                             .views = options.views};
+                             .replace = options.overwrite || options.dry_run};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {
     const std::optional<ScratchFolder> folder =
@@ -163,7 +162,9 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     if (file->rows().trailing() != 0) report.warnings.push_back(trailingWarning(file->rows().trailing()));
     write_options.gaussians = &blocks;
     try {
-      write({});
+      Bundle beside;
+      beside.views = options.views;
+      write(beside);
       return report;
     } catch (const BrokenRows&) {
       report = before;
@@ -176,7 +177,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   const bool small = isMeasuredUnasked(source.model);
   const bool measured =
       !options.dry_run && (options.measure == Measure::always || (options.measure == Measure::automatic && small));
-  report.edits = applyEdits(source, options.edits, measured, &write_options.views);
+  if (!options.views.empty() || !options.cameras) source.views = options.views;
+  report.edits = applyEdits(source, options.edits, measured);
   report.input_format = source.format;
   report.input_axes = source.axes;
   report.input_bytes = storedBytes(*findFormat(source.format), input);
@@ -204,7 +206,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (options.target.given()) {
     write_options.steps = stepsFor(format, output, written, views, write_options, options.target);
   }
-  report.steps = format.has_steps ? write_options.steps.value_or(1.0f) : 1.0f;
+  if (format.has_steps) report.steps = write_options.steps;
+  if (format.name == "sog" && !report.steps) report.steps = 1.0f;
   write(written);
   if (measured && format.read && (changes || options.measure == Measure::always)) {
     measure(format, output, source, views, report);

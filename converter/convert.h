@@ -36,7 +36,7 @@ struct ConvertOptions {
   std::optional<float> texture_step = {};  // likewise
   int spz_version = kNewestSpz;            // spz: likewise
   std::optional<SpzAxes> spz_axes = {};    // of an spz that is read: see ReadOptions
-  std::vector<Camera> views = {};          // glb, gltf, html: see WriteOptions; moved as the model is
+  std::vector<Camera> views = {};          // glb, gltf, html: in place of the source's; moved as the model is
   Target target = {};                      // sog, glb, gltf, html: instead of `steps`
   std::vector<Edit> edits = {};            // in this order, before anything is written
   std::optional<SplatViewer> viewer = {};  // not tgz, html, png: the base is made for it, after the edits
@@ -51,7 +51,7 @@ struct ConvertReport : Written {
   std::uint64_t input_bytes = 0;
   std::size_t gaussians = 0;
   int sh_degree = 0;
-  float steps = 1;
+  std::optional<float> steps;  // of a file that is in steps
   std::size_t cameras = 0;
   std::vector<EditReport> edits;
   std::optional<AdaptReport> adapted;

@@ -41,6 +41,7 @@ ModelFacts factsOf(const GaussianModel& model) {
   }
   if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(groups)) {
     facts.different = firstOfGroups(groups).size();
+    if (facts.textured < model.size()) --facts.different;  // that of those without
   }
   return facts;
 }
@@ -112,7 +113,8 @@ std::string describe(const ConvertReport& report) {
           turnOf(from.signs * to.signs) + "\n";
   text += format("size: %llu -> %llu bytes%s\n", static_cast<unsigned long long>(report.input_bytes),
                  static_cast<unsigned long long>(report.output_bytes), report.dry_run ? " (nothing is written)" : "");
-  if (report.steps != 1) text += format("steps: %.3g\n", static_cast<double>(report.steps));
+  if (report.steps && (*report.steps != 1 || report.output_format != "sog"))
+    text += format("steps: %.3g\n", static_cast<double>(*report.steps));
   text += "textures: " + report.texture_mode;
   if (report.texels > 0) text += format(", %llu texels", static_cast<unsigned long long>(report.texels));
   if (report.atlases > 0) {
@@ -151,7 +153,7 @@ std::string describeJson(const ConvertReport& report) {
                     {"bytes", report.output_bytes},
                     {"axes", axesOf(report.output_format).words}};
   json["dry_run"] = report.dry_run;
-  json["steps"] = report.steps;
+  json["steps"] = report.steps ? Json(*report.steps) : Json(nullptr);
   Json edits = Json::array();
   for (const EditReport& edit : report.edits) {
     Json entry = {
@@ -219,8 +221,9 @@ std::string describe(const Bundle& loaded, bool statistics) {
     text += format("bounds: (%g, %g, %g) to (%g, %g, %g)\n", facts.low.x, facts.low.y, facts.low.z, facts.high.x,
                    facts.high.y, facts.high.z);
   }
-  text += format("cameras: %zu\nbackground: (%g, %g, %g)\n", loaded.cameras.size(), loaded.background.x,
-                 loaded.background.y, loaded.background.z);
+  text += format("cameras: %zu\n", loaded.cameras.size());
+  if (!loaded.views.empty()) text += format("named views: %zu\n", loaded.views.size());
+  text += format("background: (%g, %g, %g)\n", loaded.background.x, loaded.background.y, loaded.background.z);
   text += "axes: " + axesOf(loaded.format, loaded.axes).words + " in the file; bounds in " +
           std::string(kModelAxes.words) + "\n";
   if (!statistics) return text;
@@ -249,6 +252,7 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
   json["outside"] = name(model.outside);
   if (model.size() > 0) json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
   json["cameras"] = loaded.cameras.size();
+  json["views"] = loaded.views.size();
   json["background"] = triple(loaded.background);
   json["axes"] = axesOf(loaded.format, loaded.axes).words;
   if (statistics) {

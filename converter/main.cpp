@@ -358,7 +358,8 @@ void addSizes(CLI::App& app, Arguments& arguments) {
       "--quantize", arguments.options.quantize,
       "glb, gltf, html: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");
   app.add_flag("--meshopt", arguments.options.meshopt, "glb, gltf, html: pack by EXT_meshopt_compression");
-  app.add_flag("--lean", arguments.options.lean, "glb: leave out the numbers that only bring a .ply back bit by bit");
+  app.add_flag("--lean", arguments.options.lean,
+               "glb, gltf: leave out the numbers that only bring a .ply back bit by bit");
   app.add_option_function<std::string>(
          "--atlas",
          [&](const std::string& text) { arguments.options.atlas = tg::parse<tg::AtlasFormat>(text, "--atlas"); },
@@ -401,7 +402,7 @@ void addConversion(CLI::App& app, Arguments& arguments) {
          "the picture that --for aims at: ours with textures, or ours of the base")
       ->default_str(std::string(tg::name(tg::FitAim::textures)))
       ->check(tg::oneOf<tg::FitAim>());
-  app.add_flag("--no-cameras", arguments.no_cameras, "leave the cameras out of OUT");
+  app.add_flag("--no-cameras", arguments.no_cameras, "leave cameras and named views out of OUT");
   app.add_option(
          "--views", arguments.views,
          "glb, gltf, html: the cameras of FILE, a cameras.json such as tgview's bookmarks, become named views; a "
@@ -440,8 +441,10 @@ int convertMain(int argc, char** argv) {
   addConversion(app, arguments);
   const EditParser edit_parser(app);
   app.option_defaults()->group("Options");
-  CLI::App* check = app.add_subcommand(
-      "check", "Says what is wrong with a splat file, and where. Exit code 3 when a reader would refuse it.");
+  CLI::App* check = app.add_subcommand("check",
+                                       "Says what is wrong with a splat file, and where. Exit code 3 when the file "
+                                       "breaks its format's rules, also where "
+                                       "readers mend or skip what is wrong.");
   addCheck(*check, check_arguments);
   MergeArguments merge_arguments;
   CLI::App* merge = app.add_subcommand("merge-blocks", "Joins the blocks of a scene that tgtrain split has cut.");
@@ -462,7 +465,12 @@ int convertMain(int argc, char** argv) {
   if (arguments.psnr) arguments.options.measure = tg::Measure::always;
   if (arguments.no_psnr || (arguments.quiet && !arguments.json)) arguments.options.measure = tg::Measure::never;
   refuseIdle(app, arguments);
-  if (!arguments.views.empty()) arguments.options.views = tg::readCameras(arguments.views);
+  if (!arguments.views.empty()) {
+    arguments.options.views = tg::readCameras(arguments.views);
+    if (arguments.options.views.empty()) {
+      throw tg::Error(tg::ErrorKind::badData, arguments.views, "no cameras (expected one at least)");
+    }
+  }
   return run(arguments);
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "render/settings_members.h"
@@ -256,6 +257,10 @@ void requireDifferentiable(TextureOutside outside, std::string_view backend) {
 }
 
 std::string texturesName(TextureMode mode) { return mode == TextureMode::none ? "off" : std::string(name(mode)); }
+
+std::string drawnTextures(const GaussianModel& model, const RenderSettings& settings) {
+  return isTextured(model) ? texturesName(settings.textures) : "none";
+}
 
 CropBox parseCrop(const std::string& text, const std::string& what) {
   std::array<float, 6> at{};

@@ -155,7 +155,8 @@ struct RenderSetting {
 const std::vector<RenderSetting>& renderSettings();
 const RenderSetting& renderSetting(std::string_view name);  // throws Error(usage) for another name
 
-std::string texturesName(TextureMode mode);                           // as --textures has it: "off" instead of "none"
+std::string texturesName(TextureMode mode);  // as --textures has it: "off" instead of "none"
+std::string drawnTextures(const GaussianModel& model, const RenderSettings& settings);  // "none" of a model without
 CropBox parseCrop(const std::string& text, const std::string& what);  // x0,y0,z0,x1,y1,z1; either corner first
 
 // For what has no gradient: training and the backward pass. Throws Error(usage) naming the first output outside of

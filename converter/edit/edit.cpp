@@ -144,10 +144,29 @@ void checkCameras(const std::vector<Camera>& cameras, const std::string& place) 
   }
 }
 
+// Not where black only stands for what its format has no word for.
+bool knowsBackground(const Bundle& loaded) {
+  const Format* format = findFormat(loaded.format);
+  return !format || format->holds(kKeepsBackground) || loaded.background != Bundle().background;
+}
+
+std::string spoken(glm::vec3 color) {
+  return numberText(color.x) + ", " + numberText(color.y) + ", " + numberText(color.z);
+}
+
 void merge(Bundle& loaded, const Edit& edit) {
   const Bundle other = readModel(edit.value, edit.reading);
   mergeModel(loaded.model, other.model, edit.value);
   addCameras(loaded.cameras, other.cameras);
+  addCameras(loaded.views, other.views);
+  if (knowsBackground(other) && other.background != loaded.background) {
+    if (knowsBackground(loaded)) {
+      loaded.warnings.push_back(edit.value + ": another background, left aside (" + spoken(other.background) +
+                                " beside " + spoken(loaded.background) + ")");
+    } else {
+      loaded.background = other.background;
+    }
+  }
   for (const std::string& warning : other.warnings) loaded.warnings.push_back(edit.value + ": " + warning);
   if (wasInterrupted(other.training_json)) loaded.warnings.push_back(edit.value + ": " + kInterruptedTraining);
   loaded.training_json.clear();  // it tells of one of them
@@ -261,8 +280,7 @@ const auto kOptions = [] {
 
 std::span<const EditOption> editOptions() { return kOptions; }
 
-std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure,
-                                   std::vector<Camera>* views) {
+std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure) {
   std::vector<EditReport> reports;
   for (const Edit& edit : edits) {
     const Command* command = nullptr;
@@ -274,15 +292,16 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
     EditReport report{edit, loaded.model.size(), 0, std::nullopt};
     const bool compares = measure && command->reduces;
     const GaussianModel before = compares ? loaded.model : GaussianModel();
-    // Among the cameras while something may move them, but not where those say what is worth keeping, or which way is
-    // up, or where others come to them that may be the same.
+    // Views are among the cameras while something may move them, but not where those say what is worth keeping, or
+    // which way is up, or where others come to them that may be the same.
     std::vector<Camera>& cameras = loaded.cameras;
+    std::vector<Camera>& views = loaded.views;
     const auto own = static_cast<std::ptrdiff_t>(cameras.size());
-    const bool turns = views != nullptr && command->apply == upright;
-    const bool along = views != nullptr && !command->reduces && !turns && command->apply != merge;
-    if (along) cameras.insert(cameras.end(), views->begin(), views->end());
+    const bool turns = command->apply == upright;
+    const bool along = !command->reduces && !turns && command->apply != merge;
+    if (along) cameras.insert(cameras.end(), views.begin(), views.end());
     try {
-      if (turns) transformCameras(*views, uprightTurn(loaded));
+      if (turns) transformCameras(views, uprightTurn(loaded));
       command->apply(loaded, edit);
     } catch (const Error& error) {
       // A merged file's errors carry its name already.
@@ -290,19 +309,20 @@ std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, 
       throw Error(ErrorKind::usage, place + ": " + error.what());
     }
     if (along) {
-      const auto first = cameras.begin() + own, last = first + static_cast<std::ptrdiff_t>(views->size());
-      views->assign(first, last);
+      const auto first = cameras.begin() + own, last = first + static_cast<std::ptrdiff_t>(views.size());
+      views.assign(first, last);
       cameras.erase(first, last);
     }
     report.after = loaded.model.size();
     if (report.after == 0) throw Error(ErrorKind::badData, place + ": no Gaussian is left");
     checkModel(loaded.model, place);  // floats may not hold what was asked for
     checkCameras(loaded.cameras, place);
-    if (views != nullptr) checkCameras(*views, place);
+    checkCameras(views, place);
     if (compares) {
       report.psnr = renderedPsnr(before, loaded.model, qualityViews(before, loaded.cameras), loaded.background);
     }
     loaded.preview = {};
+    noteEdited(loaded.training_json);
     reports.push_back(std::move(report));
   }
   return reports;

@@ -35,9 +35,8 @@ std::span<const EditOption> editOptions();
 
 // Numbers are in the model's axes (x right, y down, z forward) and world units. `measure`: render before and after
 // where that says something. Throws Error(usage, "--option VALUE: ...") for a value that is wrong, Error(badData) when
-// nothing or infinite numbers would be left, and what reading a merged file throws. An edited model loses its preview.
-// `views` move with the model.
-std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure,
-                                   std::vector<Camera>* views = nullptr);
+// nothing or infinite numbers would be left, and what reading a merged file throws. An edited model loses its preview,
+// and its training.json says that it is edited.
+std::vector<EditReport> applyEdits(Bundle& loaded, std::span<const Edit> edits, bool measure);
 
 }  // namespace tg

@@ -34,10 +34,21 @@ std::optional<double> number(const tinygltf::Value& object, const char* key) {
   return object.Get(key).GetNumberAsDouble();
 }
 
-// Image size and intrinsics as addCameras() wrote them; false when anything is missing or out of range.
-bool readExtras(const tinygltf::Value& extras, Camera& camera) {
-  if (!extras.Has(kExtrasKey)) return false;
-  const tinygltf::Value& ours = extras.Get(kExtrasKey);
+// All finite.
+template <int N>
+std::optional<glm::vec<N, double>> numbers(const tinygltf::Value& object, const char* key) {
+  if (!object.Has(key) || !object.Get(key).IsArray() || object.Get(key).ArrayLen() != N) return std::nullopt;
+  glm::vec<N, double> values;
+  for (int i = 0; i < N; ++i) {
+    const tinygltf::Value& value = object.Get(key).Get(i);
+    if (!value.IsNumber() || !std::isfinite(value.GetNumberAsDouble())) return std::nullopt;
+    values[i] = value.GetNumberAsDouble();
+  }
+  return values;
+}
+
+// Image size and intrinsics as intrinsicsOf() has them; false when anything is missing or out of range.
+bool readIntrinsics(const tinygltf::Value& ours, Camera& camera) {
   const auto width = number(ours, "width"), height = number(ours, "height");
   const auto fx = number(ours, "fx"), fy = number(ours, "fy"), cx = number(ours, "cx"), cy = number(ours, "cy");
   if (!width || !height || !fx || !fy || !cx || !cy) return false;
@@ -45,6 +56,14 @@ bool readExtras(const tinygltf::Value& extras, Camera& camera) {
   camera.size = {*width, *height};
   camera.focal = {*fx, *fy};
   camera.center = {*cx, *cy};
+  return true;
+}
+
+// What addCameras() wrote.
+bool readExtras(const tinygltf::Value& extras, Camera& camera) {
+  if (!extras.Has(kExtrasKey)) return false;
+  const tinygltf::Value& ours = extras.Get(kExtrasKey);
+  if (!readIntrinsics(ours, camera)) return false;
   camera.test = ours.Has("split") && ours.Get("split").IsString() && ours.Get("split").Get<std::string>() == "test";
   return true;
 }
@@ -88,6 +107,27 @@ nlohmann::ordered_json listViews(std::span<const Camera> views) {
     list.push_back(std::move(view));
   }
   return list;
+}
+
+std::vector<Camera> readViews(const tinygltf::Value& list, std::size_t& skipped) {
+  std::vector<Camera> views;
+  skipped = 0;
+  for (std::size_t i = 0; list.IsArray() && i < list.ArrayLen(); ++i) {
+    const tinygltf::Value& view = list.Get(i);
+    Camera camera;
+    const auto t = numbers<3>(view, "translation");
+    const auto q = numbers<4>(view, "rotation");
+    if (!t || !q || !readIntrinsics(view, camera) || !(glm::length(*q) > 0)) {
+      ++skipped;
+      continue;
+    }
+    if (view.Has("name") && view.Get("name").IsString()) camera.name = view.Get("name").Get<std::string>();
+    const glm::dmat3 rotation = matrixFromQuaternion({q->w, q->x, q->y, q->z});
+    camera.rotation = glm::transpose(turnCameraAxes(turnWorldAxes(rotation)));
+    camera.translation = -camera.rotation * turnAxes(*t);
+    views.push_back(std::move(camera));
+  }
+  return views;
 }
 
 std::optional<Camera> readCamera(GltfDocument& document, const PlacedNode& placed) {

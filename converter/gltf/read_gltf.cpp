@@ -419,7 +419,7 @@ void warnRepairs(GltfDocument& document, const SplatInstance& instance, const Re
 }
 
 // What write_gltf.cpp keeps in asset.extras.
-void readAssetExtras(const GltfDocument& document, Bundle& loaded) {
+void readAssetExtras(GltfDocument& document, Bundle& loaded) {
   const tinygltf::Value& extras = document.model.asset.extras;
   if (!extras.Has(kExtrasKey)) return;
   const tinygltf::Value& ours = extras.Get(kExtrasKey);
@@ -430,6 +430,14 @@ void readAssetExtras(const GltfDocument& document, Bundle& loaded) {
   if (ours.Has("outside") && ours.Get("outside").IsString()) {
     const auto outside = parse<TextureOutside>(ours.Get("outside").Get<std::string>());
     if (outside) loaded.model.outside = *outside;
+  }
+  if (ours.Has("views")) {
+    std::size_t skipped = 0;
+    loaded.views = readViews(ours.Get("views"), skipped);
+    if (skipped > 0) {
+      document.warn("/asset/extras/" + std::string(kExtrasKey) + "/views",
+                    std::to_string(skipped) + " views skipped (expected a pose, an image size and focal lengths)");
+    }
   }
   if (!ours.Has("background")) return;
   const tinygltf::Value& background = ours.Get("background");

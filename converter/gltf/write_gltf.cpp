@@ -471,7 +471,7 @@ void Writer::addScene(Json nested) {
   Json& extras = root["asset"]["extras"][kExtrasKey];
   extras = {{"intersection", name(model_.intersection)}, {"background", {background.x, background.y, background.z}}};
   if (model_.outside != TextureOutside::base) extras["outside"] = name(model_.outside);
-  if (!content_.options.views.empty()) extras["views"] = listViews(content_.options.views);
+  if (!content_.views.empty()) extras["views"] = listViews(content_.views);
 }
 
 GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {
@@ -518,7 +518,7 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
                                       std::string(name(options.atlas)) + ")");
   }
   if (!options.steps || content.model.size() == 0) {
-    return write(path, {content.model, content.cameras, content.background, options}, binary);
+    return write(path, {content.model, content.cameras, content.background, options, content.views}, binary);
   }
   TG_ASSERT(*options.steps >= kLeastSteps && *options.steps <= kMostSteps && !options.gaussians,
             "steps that the formats have, of a model in memory");
@@ -532,7 +532,7 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
   renameAxesForCoding(ordered);
   const GaussianModel ordered_base = options.base ? select(*options.base, order) : GaussianModel();
   if (options.base) options.base = &ordered_base;
-  GltfReport report = write(path, {ordered, content.cameras, content.background, options}, binary);
+  GltfReport report = write(path, {ordered, content.cameras, content.background, options, content.views}, binary);
   report.order = std::move(order);
   return report;
 }

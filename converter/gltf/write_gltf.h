@@ -47,8 +47,6 @@ struct WriteOptions {
   const GaussianModel* base = nullptr;
   // glb, gltf: where each primitive but the last ends, ascending; some viewers draw one after the other.
   std::vector<std::size_t> parts = {};
-  // glb, gltf, html: named places to look from, the first one to start with.
-  std::vector<Camera> views = {};
   const GaussianBlocks* gaussians = nullptr;  // instead of the model's: untextured ones, read while they are written
 };
 
@@ -57,6 +55,7 @@ struct GltfContent {
   std::span<const Camera> cameras;
   glm::vec3 background{0.0f};
   WriteOptions options = {};
+  std::span<const Camera> views = {};  // Bundle's
 };
 
 struct GltfReport {

@@ -96,7 +96,8 @@ constexpr const char* kClippedScale = "with a scale above e^88.7, which no float
 // Of writeGlb and its kin.
 template <GltfReport (*write)(const Path&, const GltfContent&)>
 void writeScene(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  static_cast<GltfReport&>(written) = write(path, {source.model, source.cameras, source.background, options});
+  static_cast<GltfReport&>(written) =
+      write(path, {source.model, source.cameras, source.background, options, source.views});
   warnRepair(written.warnings, written.clipped_scales, kClippedScale);
   if (written.dropped_source) {
     written.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
@@ -212,7 +213,8 @@ std::uint64_t bytesBesideGltf(const Path& path) {
 constexpr Format kFormats[] = {
     {.name = "tgz",
      .spoken = "tgz",
-     .keeps = kKeepsAll,
+     .title = "a bundle",
+     .keeps = kKeepsAll - kKeepsViews,
      .sniff = [](const FileStart& start) { return start.begins("\x1f\x8b") && !isSpz(start); },
      .read = [](const Path& path, const ReadOptions& options) { return readBundle(path, {}, options.progress); },
      .write = [](const Path& path, const Bundle& source, const WriteOptions&, Written&) { writeBundle(path, source); }},
@@ -443,6 +445,9 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
   if (format.read && !format.holds(kKeepsCameras) && !source.cameras.empty()) {
     written.warnings.push_back(title + " holds no cameras: they are left out");
   }
+  if (format.read && !format.holds(kKeepsViews) && !source.views.empty()) {
+    written.warnings.push_back(title + " holds no named views: they are left out");
+  }
   if (format.read && !format.holds(kKeepsBackground) && source.background != Bundle().background) {
     written.warnings.push_back(title + " holds no background: it is black for whoever reads the file");
   }
@@ -465,6 +470,7 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
   written.warnings.push_back(lostTextures(format));
   Bundle base = bundleOf(bakeFallback(source.model, FallbackScale::fitted));
   base.cameras = source.cameras;
+  base.views = source.views;
   base.background = source.background;
   format.write(path, base, options, written);
 }

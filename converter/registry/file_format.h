@@ -38,7 +38,8 @@ enum Keeps : unsigned {
   kKeepsSh = 4,      // above degree 0
   kKeepsFloats = 8,  // numbers lose no more than last bits, if nobody asks for less
   kKeepsBackground = 16,
-  kKeepsAll = 31
+  kKeepsViews = 32,  // named ones
+  kKeepsAll = 63
 };
 
 struct FileAxes {

@@ -16,10 +16,11 @@ namespace tg {
 
 struct ReadProgress;
 
-// A model with what comes along in a file. Only model.tgz holds all of it.
+// A model with what comes along in a file. Only model.tgz holds all of it but the views.
 struct Bundle {
   GaussianModel model;
   std::vector<Camera> cameras;
+  std::vector<Camera> views;          // named places to look from, the first one to start with: .glb, .gltf and .html
   std::string training_json;          // "" = none. Free-form JSON object: configuration, metrics, times
   Image preview;                      // empty = none; 3 channels, at most 512 px a side
   glm::vec3 background{0.0f};         // what the model was trained against; black where a file does not say

@@ -25,6 +25,17 @@ bool isTrue(const std::string& training_json, const char* pointer) {
 }  // namespace
 
 bool wasInterrupted(const std::string& training_json) { return isTrue(training_json, "/interrupted"); }
+bool wasEdited(const std::string& training_json) { return isTrue(training_json, "/edited"); }
+
+void noteEdited(std::string& training_json) {
+  if (training_json.empty() || wasEdited(training_json)) return;
+  // The rest stays byte by byte.
+  const std::size_t inside = training_json.find('{') + 1;
+  const std::size_t next = training_json.find_first_not_of(" \t\r\n", inside);
+  if (inside == 0 || next == std::string::npos) return;
+  training_json.insert(inside, training_json[next] == '}' ? "\"edited\": true" : "\"edited\": true,");
+}
+
 bool wasForValidation(const std::string& training_json) { return isTrue(training_json, "/dataset/validation"); }
 
 }  // namespace tg

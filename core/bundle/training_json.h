@@ -23,6 +23,10 @@ bool wasInterrupted(const std::string& training_json);
 // Whether its held-out views were training views (--validation): the data set's test views are none of its cameras.
 bool wasForValidation(const std::string& training_json);
 
+// Writes down that the model is no longer what was trained and scored: "edited". Nothing to "".
+void noteEdited(std::string& training_json);
+bool wasEdited(const std::string& training_json);
+
 // What to say of one that was interrupted.
 constexpr const char* kInterruptedTraining = "its training was interrupted: no finished model";
 

@@ -12,6 +12,7 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/training_json.h"
 #include "glb.h"
 #include "scenes.h"
 #include "scratch.h"
@@ -592,6 +593,53 @@ TEST_CASE("merged models count the cameras that they share once, and no edit lea
   CHECK(lost.code == 3);
   CHECK(lost.err.find("--scale 1e36: a camera's position is not finite") != std::string::npos);
   CHECK(!std::filesystem::exists(scratch.folder() / "d.tgz"));
+}
+
+TEST_CASE("named views go from file to file, move with the model, and are missed where they find no room") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 71, 30);
+  Bundle bundle;
+  bundle.model = scene.model;
+  bundle.views = {scene.camera};
+  bundle.views[0].name = "door";
+  Written written;
+  writeModel(*findFormat("glb"), scratch.folder() / "in.glb", bundle, {}, written);
+  CHECK(tgconvert(scratch, "in.glb --info").out.find("named views: 1\n") != std::string::npos);
+  REQUIRE(tgconvert(scratch, "in.glb page.html --translate 1,0,0").code == 0);
+  REQUIRE(tgconvert(scratch, "page.html out.gltf --translate 0,1,0").code == 0);
+  const std::vector<Camera> views = readModel(scratch.folder() / "out.gltf").views;
+  REQUIRE(views.size() == 1);
+  CHECK(views[0].name == "door");
+  CHECK(glm::length(views[0].position() - scene.camera.position() - glm::dvec3(1, 1, 0)) < 1e-6);
+  CHECK(tgconvert(scratch, "in.glb lost.tgz").err.find("a bundle holds no named views: they are left out") !=
+        std::string::npos);
+  REQUIRE(tgconvert(scratch, "in.glb bare.glb --no-cameras").code == 0);
+  CHECK(readModel(scratch.folder() / "bare.glb").views.empty());
+  scratch.write("none.json", "[]");
+  const Result none = tgconvert(scratch, "in.glb none.glb --views none.json");
+  CHECK(none.code == 3);
+  CHECK(none.err.find("none.json: no cameras (expected one at least)") != std::string::npos);
+}
+
+TEST_CASE("an edited model says so of its scores, and a merged one takes the background that is known") {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = randomSplats(1, 50, 3.0, 50);
+  bundle.background = glm::vec3(1.0f);
+  bundle.training_json = "{\"stages\": {}}";
+  writeBundle(scratch.folder() / "a.tgz", bundle);
+  REQUIRE(tgconvert(scratch, "a.tgz same.tgz").code == 0);
+  CHECK_FALSE(wasEdited(readModel(scratch.folder() / "same.tgz").training_json));
+  REQUIRE(tgconvert(scratch, "a.tgz less.tgz --decimate 50%").code == 0);
+  CHECK(wasEdited(readModel(scratch.folder() / "less.tgz").training_json));
+  writeSplatPly(scratch.folder() / "b.ply", bundle.model);
+  bundle.background = glm::vec3(0.0f, 0.0f, 1.0f);
+  writeBundle(scratch.folder() / "blue.tgz", bundle);
+  REQUIRE(tgconvert(scratch, "b.ply a.tgz both.tgz").code == 0);
+  CHECK(readModel(scratch.folder() / "both.tgz").background == glm::vec3(1.0f));
+  const Result two = tgconvert(scratch, "a.tgz blue.tgz two.tgz");
+  CHECK(two.err.find("blue.tgz: another background, left aside (0, 0, 1 beside 1, 1, 1)") != std::string::npos);
+  CHECK(readModel(scratch.folder() / "two.tgz").background == glm::vec3(1.0f));
 }
 
 TEST_CASE("every merged file is read as the first one is, and the warning of a stopped training stays") {

@@ -62,9 +62,9 @@ void recordToFile(const ViewOptions& options) {
 
   double seconds = 0;
   std::size_t most = 0;  // Gaussians of a frame
+  std::shared_ptr<const GaussianModel> set;
   {
     Progress progress(cameras.size(), !options.quiet);
-    std::shared_ptr<const GaussianModel> set;
     for (const Camera& camera : cameras) {
       if (auto model = viewed.modelFor(camera); model != set) {
         set = std::move(model);
@@ -82,7 +82,7 @@ void recordToFile(const ViewOptions& options) {
   if (options.quiet) return;
   std::printf("%s: %zu frames of %dx%d, %s, textures %s, %zu Gaussians, %.1f s on %s\n", target.path.c_str(),
               cameras.size(), cameras.front().size.x, cameras.front().size.y, std::string(name(options.show)).c_str(),
-              texturesName(settings.textures).c_str(), most, seconds, backend.renderer->deviceName().c_str());
+              drawnTextures(*set, settings).c_str(), most, seconds, backend.renderer->deviceName().c_str());
 }
 
 }  // namespace tg

@@ -36,7 +36,7 @@ void render(const Scene& scene, const Camera& camera, const std::shared_ptr<cons
   double milliseconds = 0;
   for (const PassTime& pass : backend.renderer->passTimes()) milliseconds += pass.milliseconds;
   std::printf("%s: %dx%d, %s, textures %s, %zu Gaussians, %.1f ms on %s%s\n", options.out.c_str(), frame.width,
-              frame.height, std::string(name(options.show)).c_str(), texturesName(settings.textures).c_str(),
+              frame.height, std::string(name(options.show)).c_str(), drawnTextures(*model, settings).c_str(),
               model->size(), milliseconds, backend.renderer->deviceName().c_str(),
               options.follow && !scene.training.empty() ? (", " + scene.training).c_str() : "");
 }

@@ -18,6 +18,7 @@ Bundle bundleOf(const Scene& scene) {
   bundle.cameras = scene.cameras;
   bundle.background = scene.background;
   bundle.training_json = scene.training_json;
+  bundle.views = scene.views;
   return bundle;
 }
 
@@ -59,8 +60,8 @@ ModelSaver::~ModelSaver() {
   thread_.join();
 }
 
-void ModelSaver::save(std::filesystem::path path, const Scene& scene, std::uint64_t revision) {
-  orders_.give({std::move(path), scene, revision});
+void ModelSaver::save(std::filesystem::path path, Scene scene, std::uint64_t revision) {
+  orders_.give({std::move(path), std::move(scene), revision});
 }
 
 std::vector<FileType> modelTypes(const Scene& scene) {
@@ -71,6 +72,7 @@ std::vector<FileType> modelTypes(const Scene& scene) {
     if (!format.holds(kKeepsTextures) && scene.textured > 0) lost.emplace_back("textures");
     if (!format.holds(kKeepsSh) && scene.sh_degree > 0) lost.emplace_back("SH");
     if (!format.holds(kKeepsCameras) && !scene.cameras.empty()) lost.emplace_back("cameras");
+    if (!format.holds(kKeepsViews) && !scene.views.empty()) lost.emplace_back("named views");
     if (!format.holds(kKeepsBackground) && scene.background != Bundle().background) lost.emplace_back("background");
     std::string note;
     for (const std::string& what : lost) note += (note.empty() ? "Holds no " : ", no ") + what;

@@ -23,7 +23,7 @@ class ModelSaver {
   ~ModelSaver();
 
   // `revision`: of EditState, which the scene's model is.
-  void save(std::filesystem::path path, const Scene& scene, std::uint64_t revision = 0);
+  void save(std::filesystem::path path, Scene scene, std::uint64_t revision = 0);
 
   struct News {
     std::filesystem::path path;

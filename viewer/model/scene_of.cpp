@@ -37,6 +37,7 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   scene.warnings = std::move(loaded.warnings);
   scene.up = sceneUp(loaded.cameras);
   scene.cameras = std::move(loaded.cameras);
+  scene.views = std::move(loaded.views);
   const TrainingProgress progress = trainingProgress(loaded.training_json);
   scene.training = formatProgress(progress);
   if (progress.finished && progress.held_out > 0) {
@@ -44,6 +45,7 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   } else if (progress.psnr > 0) {
     scene.training += formatted(", %.2f dB in training", progress.psnr);
   }
+  if (!scene.training.empty() && wasEdited(loaded.training_json)) scene.training += kBeforeEdits;
   scene.training_json = std::move(loaded.training_json);
   scene.model = std::make_shared<const GaussianModel>(std::move(loaded.model));
   measure(scene);

@@ -228,7 +228,8 @@ std::vector<std::filesystem::path> unsavedModels(const ViewerState& state) {
 
 std::string trainingText(const ViewerState& state) {
   const bool edited = state.edit.revision != state.edit.read;
-  return state.scene.training + (edited && !state.scene.training.empty() ? " before edits" : "");
+  const std::string& training = state.scene.training;
+  return edited && !training.empty() && !training.ends_with(kBeforeEdits) ? training + kBeforeEdits : training;
 }
 
 void noteModelKept(ViewerState& state, const std::filesystem::path& model, std::uint64_t revision) {

@@ -35,7 +35,11 @@ struct Scene {
   SceneBounds bounds;
   std::string training_json;  // of its bundle, to be saved with it; "" = none
   std::string training;       // how far its training is: "plain 1200 / 7000, 24.31 dB"; "" = not said
+  std::vector<Camera> views;  // its file's named ones, to be saved with it
 };
+
+// What `training` ends with where the model has been edited since.
+inline constexpr const char* kBeforeEdits = " before edits";
 
 // Whether its model is all there is of it: what is edited and saved.
 inline bool isWhole(const Scene& scene) { return scene.model && !scene.partial && scene.streamed_from == 0; }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/bundle/camera_file.h"
+#include "core/bundle/training_json.h"
 #include "core/file/file.h"
 #include "core/file/identity.h"
 #include "core/system/error.h"
@@ -210,7 +211,10 @@ void DesktopControl::saveModel(ViewerState& state, const std::filesystem::path& 
   if (document < 0) return;
   const bool shown = document == state.documents.shown;
   const Document& open = state.documents.open[static_cast<std::size_t>(document)];
-  saver_.save(file, shown ? state.scene : open.scene, (shown ? state.edit : open.edit).revision);
+  const EditState& edit = shown ? state.edit : open.edit;
+  Scene saved = shown ? state.scene : open.scene;
+  if (edit.revision != edit.read) noteEdited(saved.training_json);
+  saver_.save(file, std::move(saved), edit.revision);
   orders_.push_back(std::move(after));
   if (!quiet_) notify(state, "Saving " + file.string());
 }

@@ -60,22 +60,32 @@ TEST_CASE("views stand in a GLB by name, turned as the model is") {
   const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 63, 100);
   Bundle source;
   source.model = scene.model;
-  std::vector<Camera> views = {scene.camera};
-  views[0].name = "from afar";
+  source.views = {scene.camera};
+  source.views[0].name = "from afar";
   const std::vector<Edit> edits = {{"--scale", "2"}, {"--translate", "1,0,0"}};
-  applyEdits(source, edits, false, &views);
+  applyEdits(source, edits, false);
   CHECK(source.cameras.empty());
+  const std::vector<Camera>& views = source.views;
   REQUIRE(views.size() == 1);
   const glm::dvec3 eye = 2.0 * scene.camera.position() + glm::dvec3(1, 0, 0);
   CHECK(glm::length(views[0].position() - eye) < 1e-9);
-  writeGlb(scratch.folder() / "a.glb", {source.model, {}, glm::vec3(0.0f), {.views = views}});
+  writeGlb(scratch.folder() / "a.glb", {source.model, {}, glm::vec3(0.0f), {}, views});
   const nlohmann::json extras = Glb::read(scratch.folder() / "a.glb").json["asset"]["extras"]["textured_gaussians"];
+  REQUIRE(extras.contains("views"));
   REQUIRE(extras["views"].size() == 1);
   const nlohmann::json& view = extras["views"][0];
   CHECK(view["name"] == "from afar");
   CHECK(view["translation"][0].get<double>() == -views[0].position().x);  // glTF's axes
   CHECK(view["fx"].get<double>() == scene.camera.focal.x);
-  CHECK(readModel(scratch.folder() / "a.glb").cameras.empty());
+  const Bundle read = readModel(scratch.folder() / "a.glb");
+  CHECK(read.cameras.empty());
+  REQUIRE(read.views.size() == 1);
+  CHECK(read.views[0].name == "from afar");
+  CHECK(glm::length(read.views[0].position() - views[0].position()) < 1e-9);
+  for (int k = 0; k < 3; ++k) CHECK(glm::length(read.views[0].rotation[k] - views[0].rotation[k]) < 1e-9);
+  CHECK(read.views[0].focal == views[0].focal);
+  CHECK(read.views[0].center == views[0].center);
+  CHECK(read.views[0].size == views[0].size);
 }
 
 TEST_CASE("views do not say which way is up, and turn with the model") {
@@ -85,13 +95,13 @@ TEST_CASE("views do not say which way is up, and turn with the model") {
   alone.cameras = viewed.cameras = {scene.camera};
   Camera on_its_side = scene.camera;
   on_its_side.rotation = glm::dmat3({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}) * on_its_side.rotation;
-  std::vector<Camera> views = {scene.camera, on_its_side};
+  viewed.views = {scene.camera, on_its_side};
   const std::vector<Edit> edits = {{"--upright", ""}};
   applyEdits(alone, edits, false);
-  applyEdits(viewed, edits, false, &views);
+  applyEdits(viewed, edits, false);
   CHECK(viewed.cameras[0].rotation == alone.cameras[0].rotation);
-  CHECK(views[0].rotation == alone.cameras[0].rotation);
-  CHECK(views[1].rotation != on_its_side.rotation);
+  CHECK(viewed.views[0].rotation == alone.cameras[0].rotation);
+  CHECK(viewed.views[1].rotation != on_its_side.rotation);
 }
 
 TEST_CASE("views that are cameras of a merged model, too, take none of its cameras away") {
@@ -101,11 +111,11 @@ TEST_CASE("views that are cameras of a merged model, too, take none of its camer
   source.model = other.model = scene.model;
   other.cameras = {scene.camera};
   writeBundle(scratch.folder() / "other.tgz", other);
-  std::vector<Camera> views = readModel(scratch.folder() / "other.tgz").cameras;
+  source.views = readModel(scratch.folder() / "other.tgz").cameras;
   const std::vector<Edit> edits = {{"--merge", (scratch.folder() / "other.tgz").string()}};
-  applyEdits(source, edits, false, &views);
+  applyEdits(source, edits, false);
   CHECK(source.cameras.size() == 1);
-  CHECK(views.size() == 1);
+  CHECK(source.views.size() == 1);
 }
 
 TEST_CASE("what cannot be a page is refused by the page's name") {

@@ -114,7 +114,7 @@ TEST_CASE("every format that is written is read again with what its row says tha
   const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 11, 40);
   Bundle source;
   source.model = scene.model;
-  source.cameras = {scene.camera};
+  source.cameras = source.views = {scene.camera};
   REQUIRE(source.model.sh_degree > 0);
   for (const Format& format : formats()) {
     if (!format.write) continue;
@@ -130,6 +130,7 @@ TEST_CASE("every format that is written is read again with what its row says tha
     CHECK(back.model.size() == source.model.size());
     CHECK((back.model.texture_mode == source.model.texture_mode) == format.holds(kKeepsTextures));
     CHECK(back.cameras.size() == (format.holds(kKeepsCameras) ? 1 : 0));
+    CHECK(back.views.size() == (format.holds(kKeepsViews) ? 1 : 0));
     CHECK(back.model.sh_degree == (format.holds(kKeepsSh) ? source.model.sh_degree : 0));
     CHECK(written.warnings.empty() == ((format.keeps | kKeepsFloats) == kKeepsAll || !format.read));
     const bool baked = std::ranges::any_of(
