@@ -21,6 +21,9 @@ tg::TrainSettings settingsOf(const TrainOptions& options) {
     entry->set(settings, value);
   }
   tg::checkSettings(settings);
+  if (settings.quantize_iterations > 0) {
+    throw tg::Error(tg::ErrorKind::usage, "quantize-iterations", "is for a file that tgtrain writes (expected 0)");
+  }
   return settings;
 }
 
@@ -70,7 +73,7 @@ Model Trainer::model() const {
   const std::lock_guard lock(parts_->in_use);
   return guarded([&] {
     tg::Bundle bundle;
-    bundle.model = parts_->trainer.model();
+    bundle.model = parts_->trainer.result().model;
     bundle.cameras = parts_->data->views;
     bundle.background = parts_->data->background;
     return Access::model(std::move(bundle));

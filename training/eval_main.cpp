@@ -241,6 +241,7 @@ int main(int argc, char** argv) {
     app.option_defaults()->group("Device");
     tg::addDatasetFlags(app, options.data);
     app.remove_option(app.get_option("--points"));  // training alone starts from points
+    app.get_option("--background")->description("white, black or r,g,b in [0,1], instead of the model's own");
     tg::addDeviceFlag(app, options.device,
                       "Where to draw; auto: a CUDA device if there is one; metrics are the CPU's work");
     app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(tg::within(0, 4096));

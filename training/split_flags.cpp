@@ -61,6 +61,19 @@ bool merges(const std::vector<std::string>& flags) {
   return makeSchedule(settings).merge_after > 0;
 }
 
+// What --train cannot say: each block is a .tgz, and has flags of its own.
+void refuseOwn(const std::vector<std::string>& flags) {
+  for (const std::string& flag : flags) {
+    const std::string name = flag.substr(0, flag.find('='));
+    if (name == "--target-size" || name == "--steps") {
+      throw Error(ErrorKind::usage, "--train: " + name + " is for one file (expected it of tgconvert, for the whole)");
+    }
+    if (name == "--gaussians" || name == "--test-every" || name == "--context") {
+      throw Error(ErrorKind::usage, "--train: " + name + " is split's own (expected it before --train)");
+    }
+  }
+}
+
 }  // namespace
 
 void addSplitFlags(CLI::App& app, SplitFlags& flags) {
@@ -122,6 +135,7 @@ void splitScene(const SplitFlags& flags) {
   const glm::dvec3 up = upOf(dataset.views).value_or(upOfPoints(dataset.points));
   std::istringstream words(flags.train);
   const std::vector<std::string> common = {std::istream_iterator<std::string>(words), {}};
+  refuseOwn(common);
   if (merges(common)) {
     options.grown = [pixels = trainingPixels(dataset)](std::size_t limit) { return grownLimit(limit, pixels); };
   }

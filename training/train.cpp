@@ -104,8 +104,9 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   const bool timed = given(is({"iterations", "densify-until"}));
   const bool textured_start = start && isTextured(*start);
   if (!given(is({"sh-degree"}))) settings.sh_degree = start ? start->sh_degree : kPlannedShDegree;
-  const bool plain = !speaks_of_textures || settings.texture_mode == TextureMode::none;
-  if (plain && !textured_start && settings.iterations > 0) {
+  const bool plain =
+      !speaks_of_textures || settings.texture_mode == TextureMode::none || settings.texture_iterations == 0;
+  if (plain && !textured_start && (settings.iterations > 0 || settings.texture_iterations == 0)) {
     settings.texture_mode = TextureMode::none;
     if (!timed) {
       settings.densify_until = makeSchedule(settings).densify_until;  // what is longer is for what stands
@@ -386,7 +387,7 @@ int train(const TrainFlags& options, Processes* together) {
   trainer.onQuantizing([&](const GaussianModel& model, float& steps) {
     storing = true;
     if (options.steps > 0) steps = options.steps;
-    GaussianModel stored = asStored(options.output, model, options.target_bytes, options.quiet, steps);
+    GaussianModel stored = asStored(options.output, model, options.target_bytes, steps);
     storing = false;
     return stored;
   });

@@ -34,14 +34,13 @@ double partOfSog(const std::string& path) {
 
 namespace {
 
-// The finest for a file of so many bytes, or, with a line on stderr unless quiet, the coarsest.
-float stepsWithin(const std::string& path, const Bundle& scene, bool quiet, std::uint64_t bytes) {
+// The finest for a file of so many bytes.
+float stepsWithin(const std::string& path, const Bundle& scene, std::uint64_t bytes) {
   try {
     return stepsFor(outputFormat(path), path, scene, {}, {}, {.bytes = bytes});
   } catch (const Error& error) {
     if (error.kind != ErrorKind::usage) throw;
-    if (!quiet) std::fprintf(stderr, "tgtrain: %s: %s\n", path.c_str(), error.what());
-    return kMostSteps;
+    throw Error(ErrorKind::usage, path, error.what());
   }
 }
 
@@ -50,7 +49,7 @@ void write(const std::string& path, const Bundle& scene, bool replace, bool quie
   WriteOptions options{.replace = replace};
   if (size.steps > 0) options.steps = size.steps;
   if (size.bytes > 0 && (size.steps == 0 || bytesOf(format, path, scene, options) > size.bytes)) {
-    options.steps = stepsWithin(path, scene, quiet, size.bytes);
+    options.steps = stepsWithin(path, scene, size.bytes);
   }
   Written written;
   writeModel(format, path, scene, options, written);
@@ -111,11 +110,17 @@ Error keepModel(const std::string& path, const Bundle& scene, const Error& why) 
   }
 }
 
-GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
-                       float& steps) {
+GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps) {
   Bundle scene;
   scene.model = model;
-  if (steps == 0) steps = stepsWithin(path, scene, quiet, bytes - bytes / 100);
+  if (steps == 0) {
+    try {
+      steps = stepsWithin(path, scene, bytes - bytes / 100);
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::usage) throw;
+      steps = stepsWithin(path, scene, bytes);
+    }
+  }
   const ScratchFolder folder;
   const std::filesystem::path file = folder.path() / std::filesystem::path(path).filename();
   Written written;

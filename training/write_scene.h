@@ -22,9 +22,9 @@ struct SceneSize {
 
 // `model` as a file at `path` will hold it, in its own order and with its own names of axes. Where `steps` are 0 it
 // first sets them: the finest with which `bytes` are not exceeded, with a hundredth of them to spare for what training
-// still changes. Throws what the writers throw.
-GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, bool quiet,
-                       float& steps);
+// still changes where there is so much room. Throws Error(usage) where no steps bring it to that size, and what the
+// writers throw.
+GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps);
 
 // `write`s a file after hours of training. Without `replace` none that came meanwhile is replaced: then `keep` keeps
 // the model elsewhere, and Error(cannotWrite) says where that is, which it returns. Throws what `write` throws.
@@ -37,10 +37,9 @@ Error keepModel(const std::string& path, const Bundle& scene, const Error& why);
 
 // Writes `scene`, as writeAfterTraining(); its cameras only where the format has them and neither size nor steps are
 // asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size,
-// and without any, the finest that do not; a file that cannot be as small is as small as it can be, with a line on
-// stderr, since training took its time. Returns what to say of it beside its name: "(59961 bytes, 41.2 dB to the
-// model)", where numbers are rounded, over up to four views. quiet: warnings are kept to itself. Throws what the
-// writers throw, after keepModel() where it is not `kept` elsewhere.
+// and without any, the finest that do not. Returns what to say of it beside its name: "(59961 bytes, 41.2 dB to the
+// model)", where numbers are rounded, over up to four views. quiet: warnings are kept to itself. Throws Error(usage)
+// where no steps bring it to that size, and what the writers throw, after keepModel() where it is not `kept` elsewhere.
 std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
                        SceneSize size = {});
 

@@ -66,7 +66,7 @@ void turnGaussian(GaussianModel& model, std::size_t i, Turn turn) {
 class KMeans {
  public:
   KMeans(const GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
-         std::uint64_t seed)
+         std::uint64_t seed, const std::atomic<bool>* stop)
       : model_(model), side_(model.atlas.rects.front().width), texels_(static_cast<std::size_t>(side_) * side_) {
     for (int turn = 0; turn < kTurns; ++turn) turns_[turn] = texelsOf(turnOf(turn), side_);
     const std::vector<double> shares = texelShares(side_);
@@ -82,10 +82,13 @@ class KMeans {
     entries_ = std::min(entries, fitted + 1);
     entry_bits_.assign(entries_, 0.0);
     begin(seed);
-    for (int round = 0; round < kRounds; ++round) move();
+    const auto move_on = [&] {
+      for (int round = 0; round < kRounds && !(stop && *stop); ++round) move();
+    };
+    move_on();
     if (bit_cost == 0.0 || fitted_.empty()) return;
     bit_cost_ = bit_cost * meanChange();
-    for (int round = 0; round < kRounds; ++round) move();
+    move_on();
   }
 
   struct Choice {
@@ -95,17 +98,17 @@ class KMeans {
   };
   Choice choose(std::size_t gaussian) const {
     Choice best{0, 0, std::numeric_limits<double>::infinity()};
-    std::vector<float> turned(length()), distances(entries_);
+    std::vector<float> turned(length()), all(length() * kTurns), distances(kTurns * columns_.size() / length());
     for (int turn = 0; turn < kTurns; ++turn) {
       take(gaussian, turn, turned);
-      std::ranges::fill(distances, 0.0f);
-      for (std::size_t d = 0; d < length(); ++d) {  // over entries inside: they lie side by side
-        const float* column = columns_.data() + d * entries_;
-        const float own = turned[d];
-        for (std::size_t k = 0; k < entries_; ++k) distances[k] += (own - column[k]) * (own - column[k]);
-      }
+      for (std::size_t d = 0; d < length(); ++d) all[d * kTurns + static_cast<std::size_t>(turn)] = turned[d];
+    }
+    const std::size_t stride = distances.size() / kTurns;
+    for (std::size_t tile = 0; tile < stride; tile += kTile) takeDistances(all, tile, stride, distances);
+    for (int turn = 0; turn < kTurns; ++turn) {
+      const float* of_turn = distances.data() + static_cast<std::size_t>(turn) * stride;
       for (std::size_t k = 0; k < entries_; ++k) {
-        const double cost = weights_[gaussian] * distances[k] + bit_cost_ * (entry_bits_[k] + turn_bits_[turn]);
+        const double cost = weights_[gaussian] * of_turn[k] + bit_cost_ * (entry_bits_[k] + turn_bits_[turn]);
         if (cost < best.cost) best = {static_cast<std::uint32_t>(k), turn, cost};
       }
     }
@@ -113,14 +116,36 @@ class KMeans {
   }
   glm::vec4 texel(std::size_t entry, std::size_t t) const {
     glm::vec4 value;
-    for (std::size_t k = 0; k < 4; ++k)
-      value[static_cast<int>(k)] = columns_[(4 * t + k) * entries_ + entry] / roots_[t];
+    for (std::size_t k = 0; k < 4; ++k) value[static_cast<int>(k)] = columns_[place(entry, 4 * t + k)] / roots_[t];
     return value;
   }
   std::size_t texelCount() const { return texels_; }
 
  private:
+  static constexpr std::size_t kTile =
+      4;  // entries that lie side by side: their sums and a texture's stay in registers
   std::size_t length() const { return 4 * texels_; }
+  // Of an entry's number d in columns_.
+  std::size_t place(std::size_t entry, std::size_t d) const {
+    return (entry / kTile * length() + d) * kTile + entry % kTile;
+  }
+  // Squared, of a texture in all ways it may lie, [length, kTurns], from the kTile entries from `first` on; to
+  // [kTurns, stride].
+  void takeDistances(std::span<const float> turned, std::size_t first, std::size_t stride, std::span<float> to) const {
+    float sums[kTurns][kTile] = {};
+    const float* column = columns_.data() + place(first, 0);
+    for (std::size_t d = 0; d < length(); ++d, column += kTile) {
+      const float* own = turned.data() + d * kTurns;
+      const auto add = [&](std::size_t turn) {
+        for (std::size_t k = 0; k < kTile; ++k) sums[turn][k] += (own[turn] - column[k]) * (own[turn] - column[k]);
+      };
+      // Written out: in a loop over turns the sums would be memory.
+      [&]<std::size_t... turn>(std::index_sequence<turn...>) { (add(turn), ...); }(std::make_index_sequence<kTurns>());
+    }
+    for (int turn = 0; turn < kTurns; ++turn) {
+      std::copy_n(sums[turn], kTile, to.data() + static_cast<std::size_t>(turn) * stride + first);
+    }
+  }
   // A texture as it would lie after the turn, each texel times the root of its share.
   void take(std::size_t gaussian, int turn, std::vector<float>& to) const {
     const glm::vec4* from = model_.atlas.texels.data() + model_.atlas.rects[gaussian].offset;
@@ -130,7 +155,7 @@ class KMeans {
     }
   }
   void set(std::size_t entry, std::span<const float> values) {
-    for (std::size_t d = 0; d < length(); ++d) columns_[d * entries_ + entry] = values[d];
+    for (std::size_t d = 0; d < length(); ++d) columns_[place(entry, d)] = values[d];
   }
 
   // The texture that changes nothing, as take() would give it.
@@ -159,7 +184,7 @@ class KMeans {
   // k-means++: the next entry is a texture that is far from all before; the first one changes nothing.
   void begin(std::uint64_t seed) {
     Random random(seed);
-    columns_.assign(length() * entries_, 0.0f);
+    columns_.assign(length() * ((entries_ + kTile - 1) / kTile * kTile), 0.0f);
     std::vector<float> values = neutral();
     std::vector<double> far(fitted_.size(), std::numeric_limits<double>::infinity());
     for (std::size_t entry = 0; entry < entries_; ++entry) {
@@ -199,7 +224,7 @@ class KMeans {
     }
     for (std::size_t d = 0; d < length(); ++d) {
       for (std::size_t k = 0; k < entries_; ++k) {
-        if (weights[k] > 0.0) columns_[d * entries_ + k] = static_cast<float>(sums[d * entries_ + k] / weights[k]);
+        if (weights[k] > 0.0) columns_[place(k, d)] = static_cast<float>(sums[d * entries_ + k] / weights[k]);
       }
     }
     // With half a user more, or what nobody chose would never be chosen again.
@@ -215,7 +240,7 @@ class KMeans {
   std::vector<float> roots_;
   std::vector<std::uint32_t> fitted_;
   std::vector<double> weights_;
-  std::vector<float> columns_;  // [length, entries], times the roots
+  std::vector<float> columns_;  // [entries / kTile, length, kTile], times the roots
   double bit_cost_ = 0.0;
   std::vector<double> entry_bits_;  // that say a choice, after the last round
   std::array<double, kTurns> turn_bits_{};
@@ -308,20 +333,24 @@ std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
   return heldOnce(atlas, groups);
 }
 
-void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
-                   std::uint64_t seed) {
+bool shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
+                   std::uint64_t seed, const std::atomic<bool>* stop) {
   TG_ASSERT(entries > 0 && entries <= kMostSharedTextures, "a number of textures that Gaussians can share");
   TG_ASSERT(weights.size() == model.size(), "a weight a Gaussian");
   TG_ASSERT(bit_cost >= 0.0, "bits that cost something, or nothing");
-  if (model.atlas.rects.empty()) return;
+  if (model.atlas.rects.empty()) return true;
   const TextureRect size = model.atlas.rects.front();
   for (const TextureRect& rect : model.atlas.rects) {
     if (rect.texelCount() > 0 && rect.width == size.width && rect.height == size.width) continue;
+    if (rect.texelCount() == 0 || size.texelCount() == 0) {
+      throw Error(ErrorKind::usage, "textures that Gaussians share are of all of them (found some without)");
+    }
     throw Error(ErrorKind::usage, "textures that Gaussians share are squares of one size (found " +
                                       std::to_string(size.width) + " x " + std::to_string(size.height) + " and " +
                                       std::to_string(rect.width) + " x " + std::to_string(rect.height) + " texels)");
   }
-  const KMeans dictionary(model, entries, weights, bit_cost, seed);
+  const KMeans dictionary(model, entries, weights, bit_cost, seed, stop);
+  if (stop && *stop) return false;
   std::vector<KMeans::Choice> found(model.size());
   parallelFor(static_cast<std::int64_t>(found.size()), 16,
               [&](std::int64_t i) { found[i] = dictionary.choose(static_cast<std::size_t>(i)); });
@@ -330,6 +359,7 @@ void shareTextures(GaussianModel& model, std::size_t entries, std::span<const do
     for (std::size_t t = 0; t < dictionary.texelCount(); ++t) texels[t] = dictionary.texel(found[i].entry, t);
     turnGaussian(model, i, turnOf(found[i].turn));
   }
+  return true;
 }
 
 }  // namespace tg

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Textures that several Gaussians share, texel for texel: what a file then holds once.
 #pragma once
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -35,9 +36,10 @@ std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas);
 // the Gaussians. A texture lies on its Gaussian in eight ways, by the signs and the order of its axes, which change
 // nothing else: Gaussians are turned to the way that is nearest. `bit_cost` >= 0: each bit that a file needs to say
 // which texture a Gaussian has and how it lies, by how many others have the same, counts as that part of what a texture
-// changes in the mean of all Gaussians. The same seed gives the same result, with any number of threads. Throws
-// Error(usage) for textures that are not squares of one size; none at all are left as they are.
-void shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
-                   std::uint64_t seed);
+// changes in the mean of all Gaussians. The same seed gives the same result, with any number of threads. False, with
+// the model as it was, where `stop` was set meanwhile, which may be null. Throws Error(usage) for textures that are not
+// squares of one size; none at all are left as they are.
+bool shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
+                   std::uint64_t seed, const std::atomic<bool>* stop = nullptr);
 
 }  // namespace tg

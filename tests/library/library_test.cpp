@@ -280,6 +280,8 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
     return messageOf([&] { Trainer trainer(dataset, options); }, ErrorKind::usage);
   };
   CHECK(refused({.settings = {{"iteration", "30"}}}) == "iteration: no such setting (docs/training.md has them)");
+  CHECK(refused({.settings = {{"quantize-iterations", "3"}}}) ==
+        "quantize-iterations: is for a file that tgtrain writes (expected 0)");
   CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Contains("iterations"));
   CHECK_THAT(refused({.preset = "best"}), Contains("best"));
   CHECK_THAT(messageOf([&] { setThreads(-1); }, ErrorKind::usage), Contains("found -1"));
@@ -294,6 +296,14 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   empty.means = empty.rotations = empty.log_scales = empty.opacity_logits = empty.sh = {};
   CHECK(messageOf([&] { Trainer(dataset, options, Model(empty)); }, ErrorKind::badData) ==
         "start model: has no Gaussians");
+  Trainer compared(
+      dataset,
+      {.settings = {
+           {"iterations", "2"}, {"texture-iterations", "2"}, {"texture-size", "2"}, {"compare-untextured", "on"}}});
+  while (compared.step()) {
+  }
+  CHECK(compared.progress().stage == "untextured");
+  CHECK(compared.model().textureMode() == TextureMode::rgba);
   Trainer second(dataset, options, first.model());
   CHECK(second.progress().psnr == 0);
   CHECK(second.model().size() == first.model().size());

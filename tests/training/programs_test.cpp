@@ -238,11 +238,14 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
              Contains("scene.ply: --target-size and --steps are only"));
   CHECK_THAT(tgtrain(folder, train + "20KB --run run").output, Contains("(expected -o scene.sog or"));
   CHECK_THAT(tgtrain(folder, train + "1KB -o scene.sog").output, Contains("--target-size is out of reach"));
-  // Chosen by hand and too many: the file is as small as it can be.
-  const Outcome large = tgtrain(folder, train + "5.2KB --start random --init-count 3000 --gaussians 3000 -o scene.sog");
+  // Chosen by hand and too many: there is no such file, and the model is kept before it is rounded for one.
+  const Outcome large = tgtrain(folder, train + "5.2KB --start random --init-count 3000 --gaussians 3000 -o large.sog");
   INFO(large.output);
-  CHECK(large.code == 0);
-  CHECK_THAT(large.output, Contains("scene.sog: --target-size is out of reach") && Contains("wrote scene.sog"));
+  CHECK(large.code == 1);
+  CHECK_THAT(large.output, Contains("large.sog: --target-size is out of reach") && Contains("found 5200") &&
+                               Contains("the model is kept as large.sog.tgz"));
+  CHECK_FALSE(fs::exists(folder / "large.sog"));
+  CHECK(tg::readBundle(folder / "large.sog.tgz").model.size() == 3000);
 }
 
 TEST_CASE("a model that finds no room is kept where temporary files have some", "[programs]") {

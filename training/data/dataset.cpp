@@ -197,6 +197,27 @@ void leaveOutHidden(const fs::path& place, bool only_test, int downscale, Datase
                   " of them held out, are left out: their masks hide every pixel (the first: " + name + ")");
 }
 
+// A photograph that is listed twice in one split counts once; one in both splits stays in both, as it was asked for.
+void dropRepeated(const fs::path& folder, DatasetIndex& index, std::vector<std::string>& notes) {
+  std::set<fs::path> seen[2];  // of the training views, of those held out
+  std::string first_repeated;
+  const std::size_t listed = index.entries.size();
+  std::erase_if(index.entries, [&](const DatasetIndex::Entry& entry) {
+    const bool repeated = !seen[entry.camera.test ? 1 : 0].insert(entry.image.lexically_normal()).second;
+    if (repeated && first_repeated.empty()) first_repeated = entry.image.lexically_proximate(folder).string();
+    return repeated;
+  });
+  if (const std::size_t repeated = listed - index.entries.size(); repeated > 0) {
+    notes.push_back(std::to_string(repeated) + " of " + std::to_string(listed) +
+                    " listed images are listed before and count once (the first: " + first_repeated + ")");
+  }
+  const auto shared = std::ranges::count_if(seen[1], [&](const fs::path& image) { return seen[0].contains(image); });
+  if (shared > 0) {
+    notes.push_back(std::to_string(shared) + " of " + std::to_string(seen[1].size()) +
+                    " images that are held out are trained on as well: scores say little");
+  }
+}
+
 PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std::vector<std::string>& notes) {
   if (options.points) {
     PointCloud points = readPointCloudPly(*options.points);
@@ -433,6 +454,8 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
                             : "none of the " + std::to_string(listed) + " listed images exists (expected " +
                                   first_missing + " and others; --image-folder names another folder)");
   }
+
+  dropRepeated(folder, index, dataset.notes);
 
   if (block) requireListed(place, folder, *block, index);
   std::stable_sort(index.entries.begin(), index.entries.end(),

@@ -23,6 +23,7 @@ constexpr double kChoiceBytes = 0.65;      // a Gaussian's: which texture it has
 // How many textures are shared, and which part of a file they may take for that (docs/frontier.md).
 constexpr std::array<std::pair<int, double>, 3> kShared = {{{256, 0.08}, {64, 0.15}, {16, 0.15}}};
 constexpr double kMostTexels = 8;        // a Gaussian
+constexpr double kLeastTexels = 0.1;     // a Gaussian: with none textures would not be cut
 constexpr double kPixelsPerTexel = 100;  // of the training views: with fewer, another Gaussian shows more
 constexpr std::size_t kFewestGaussians = 100, kMostGaussians = 100'000'000;  // as --gaussians takes
 
@@ -62,8 +63,9 @@ SizePlan planForDictionary(std::uint64_t bytes, double part, int sh_degree, int 
 SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pixels, int sh_degree, TextureMode mode) {
   const double each = bytesOfGaussian(sh_degree);
   const double room = roomFor(bytes, part, each, kFileBytes);
-  const double texels = std::min(static_cast<double>(training_pixels) / kPixelsPerTexel,
-                                 kMostTexels * room / (each + kMostTexels * kTexelBytes));
+  const double texels = std::min(
+      {static_cast<double>(training_pixels) / kPixelsPerTexel, kMostTexels * room / (each + kMostTexels * kTexelBytes),
+       std::max(room - kFewestGaussians * each, kFewestGaussians * kLeastTexels) / kTexelBytes});
   if (mode == TextureMode::none) return {std::min(static_cast<std::size_t>(room / each), kMostGaussians), 0};
   const double gaussians = std::min((room - texels * kTexelBytes) / each, static_cast<double>(kMostGaussians));
   return {static_cast<std::size_t>(gaussians), texels / gaussians};

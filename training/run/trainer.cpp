@@ -285,14 +285,19 @@ void Trainer::cutTextures() {
   time_left_.rescale(texelsEach(), engine_->gaussians(state_));
 }
 
-void Trainer::shareTextures() {
+bool Trainer::shareTextures(const std::atomic<bool>* stop) {
+  const bool now = state_.stage == Stage::textured && settings_.texture_dictionary > 0 &&
+                   state_.iteration == settings_.texture_iterations / kSharedFrom;
+  if (!now) return true;
   pull();
   engine_->stateChanged();
   GaussianModel& model = state_.training.model;
   const auto entries = static_cast<std::size_t>(settings_.texture_dictionary);
-  tg::shareTextures(model, entries, seenWeights(), kBitCost, stream(settings_.seed, Stream::dictionary).bits());
+  const std::uint64_t seed = stream(settings_.seed, Stream::dictionary).bits();
+  if (!tg::shareTextures(model, entries, seenWeights(), kBitCost, seed, stop)) return false;
   resetMoments(state_.training);
   texture_groups_.reset();
+  return true;
 }
 
 // What is the same stays the same from here on; a run that goes on finds it in the texels.
@@ -411,11 +416,15 @@ bool Trainer::step(const std::atomic<bool>* stop) {
   }
   if (state_.finished) return false;
   if (state_.stage == Stage::quantized) quantizeNext();  // writes files, which is no part of a step's time
+  const auto secondsSince = [](Clock::time_point then) {
+    return std::chrono::duration<double>(Clock::now() - then).count();
+  };
   const Clock::time_point start = Clock::now();
+  if (!shareTextures(stop)) return false;
+  const Clock::time_point shared = Clock::now();
   iterate();
-  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  state_.seconds += seconds;
-  time_left_.add(seconds, engine_->gaussians(state_));
+  state_.seconds += secondsSince(start);
+  time_left_.add(secondsSince(shared), engine_->gaussians(state_));
   return true;
 }
 
@@ -486,10 +495,6 @@ void Trainer::iterate() {
   if (state_.stage == Stage::textured && settings_.adaptive_texels > 0 &&
       state_.iteration == settings_.texture_iterations / 2) {
     cutTextures();
-  }
-  if (state_.stage == Stage::textured && settings_.texture_dictionary > 0 &&
-      state_.iteration == settings_.texture_iterations / kSharedFrom) {
-    shareTextures();
   }
   findTextureGroups();
   const int iteration = ++state_.iteration;

@@ -53,9 +53,9 @@ class Trainer {
 
   bool finished() const { return state_.finished; }
   // Ends the stage when it is complete - its test score, the next stage's start - then does one iteration. False: there
-  // was none left to do, or `stop` was set during the test score, which leaves the stage to be ended by another call.
-  // Throws Error(badData) when no Gaussian is left, or the loss of a step is not finite, as whatever waits for losses
-  // does: where training runs on a device, losses are known some steps later.
+  // was none left to do, or `stop` was set during the test score or while textures were shared, which another call
+  // does. Throws Error(badData) when no Gaussian is left, or the loss of a step is not finite, as whatever waits for
+  // losses does: where training runs on a device, losses are known some steps later.
   bool step(const std::atomic<bool>* stop = nullptr);
 
   const RunState& state() const;
@@ -100,7 +100,8 @@ class Trainer {
   // What is wide for its distance in pieces, as far as the limit leaves room.
   void splitWideOnes();
   void cutTextures();
-  void shareTextures();
+  // Where it is time for it; false: `stop` was set meanwhile, and nothing has changed.
+  bool shareTextures(const std::atomic<bool>* stop);
   void findTextureGroups();
   void requireSharing() const;  // throws Error(usage) where the engine cannot
   bool swaps() const;

@@ -44,7 +44,7 @@ class Trainer {
   // when no Gaussian is left or the loss is not finite, and what decoding a photograph throws.
   bool step();
   TrainProgress progress() const;
-  // As it stands, with the data set's cameras and background: a copy.
+  // As it stands, with the data set's cameras and background: a copy. The textured one while its twin is trained.
   Model model() const;
 
  private:

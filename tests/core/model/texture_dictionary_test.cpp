@@ -191,7 +191,7 @@ TEST_CASE("only squares of one size can be shared", "[textures]") {
   model.atlas.rects[1] = {model.atlas.rects[1].offset, 2, 1};
   CHECK_THROWS_WITH(shareTextures(model, 2, weights, 0.0, 1), Contains("(found 2 x 2 and 2 x 1 texels)"));
   model.atlas.rects[1] = {};
-  CHECK_THROWS_WITH(shareTextures(model, 2, weights, 0.0, 1), Contains("(found 2 x 2 and 0 x 0 texels)"));
+  CHECK_THROWS_WITH(shareTextures(model, 2, weights, 0.0, 1), Contains("(found some without)"));
   model.atlas = {};
   shareTextures(model, 2, weights, 0.0, 1);
   CHECK(model.atlas.rects.empty());

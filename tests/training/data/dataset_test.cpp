@@ -121,6 +121,32 @@ TEST_CASE("reads instant-ngp's transforms.json and skips missing images, countin
   CHECK(loadDataset(folder.path, all).indices(true).size() == 3);
 }
 
+TEST_CASE("a photograph that is listed twice counts once, and one that is held out and trained on is named",
+          "[dataset]") {
+  tg::TemporaryFolder folder;
+  Json frames = Json::array();
+  for (int i = 0; i < 4; ++i) {
+    frames.push_back(frame("images/" + std::to_string(i) + ".png"));
+    writePicture(folder / ("images/" + std::to_string(i) + ".png"), 16, 12);
+  }
+  frames.push_back(frame("images/../images/0.png"));
+  writeText(folder / "transforms.json", pinhole(frames).dump());
+  const tg::Dataset dataset = loadDataset(folder.path);
+  CHECK(dataset.views.size() == 4);
+  REQUIRE(dataset.notes.size() == 1);
+  CHECK(dataset.notes[0] ==
+        "1 of 5 listed images are listed before and count once (the first: images/../images/0.png)");
+
+  fs::remove(folder / "transforms.json");
+  writeText(folder / "transforms_train.json", pinhole(frames).dump());
+  writeText(folder / "transforms_test.json", pinhole({frames[1], frames[2]}).dump());
+  const tg::Dataset split = loadDataset(folder.path);
+  CHECK(split.indices(false).size() == 4);
+  CHECK(split.indices(true).size() == 2);
+  REQUIRE(split.notes.size() == 2);
+  CHECK(split.notes[1] == "2 of 2 images that are held out are trained on as well: scores say little");
+}
+
 TEST_CASE("scales intrinsics to the image's size and by --downscale", "[dataset]") {
   tg::TemporaryFolder folder;
   writePicture(folder / "a.png", 34, 26);  // the file says 16 x 12

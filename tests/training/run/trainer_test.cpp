@@ -3,6 +3,7 @@
 #include "training/run/trainer.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -322,6 +323,11 @@ TEST_CASE("with a dictionary Gaussians share its textures to the end, and it lea
   };
   while (trainer.stage() == tg::Stage::plain || trainer.state().iteration < 25) REQUIRE(trainer.step());
   CHECK(different(trainer.model()) > 6);
+  const std::vector<glm::vec4> before = trainer.model().atlas.texels;
+  const std::atomic<bool> stop = true;
+  CHECK_FALSE(trainer.step(&stop));  // between k-means' rounds
+  CHECK(trainer.state().iteration == 25);
+  CHECK(trainer.model().atlas.texels == before);
   REQUIRE(trainer.step());
   const tg::GaussianModel first = trainer.model();
   CHECK(different(first) <= 6);
