@@ -62,14 +62,15 @@ bool merges(const std::vector<std::string>& flags) {
 }
 
 // What --train cannot say: each block is a .tgz, and has flags of its own.
-void refuseOwn(const std::vector<std::string>& flags) {
+void refuseOwn(const std::vector<std::string>& flags, bool by_memory) {
   for (const std::string& flag : flags) {
     const std::string name = flag.substr(0, flag.find('='));
-    if (name == "--target-size" || name == "--steps") {
+    if (name == "--target-size" || name == "--steps" || name == "--quantize-iterations") {
       throw Error(ErrorKind::usage, "--train: " + name + " is for one file (expected it of tgconvert, for the whole)");
     }
-    if (name == "--gaussians" || name == "--test-every" || name == "--context") {
-      throw Error(ErrorKind::usage, "--train: " + name + " is split's own (expected it before --train)");
+    if (name == "--gaussians" || name == "--percent" || name == "--test-every" || name == "--context" ||
+        (by_memory && name == "--image-memory")) {
+      throw Error(ErrorKind::usage, "--train: " + name + " is split's own to choose (expected without it)");
     }
   }
 }
@@ -135,7 +136,7 @@ void splitScene(const SplitFlags& flags) {
   const glm::dvec3 up = upOf(dataset.views).value_or(upOfPoints(dataset.points));
   std::istringstream words(flags.train);
   const std::vector<std::string> common = {std::istream_iterator<std::string>(words), {}};
-  refuseOwn(common);
+  refuseOwn(common, flags.memory > 0);
   if (merges(common)) {
     options.grown = [pixels = trainingPixels(dataset)](std::size_t limit) { return grownLimit(limit, pixels); };
   }

@@ -436,13 +436,22 @@ int train(const TrainFlags& options, Processes* together) {
     }
   };
   std::string written;  // what there is to say of the output
+  bool too_large = false;
   const auto save = [&](const std::string& path, GaussianModel model, const TrainReport& report, SceneSize size = {}) {
     Bundle bundle = makeTrainedBundle(dataset, settings, report, std::move(model), *renderer, json_options);
     const std::string training_json = bundle.training_json;
     const std::string kept = run && path == options.output ? run->model().string() : "";
     writeOutput(path, [&](bool replace) {
-      const std::string facts = writeScene(path, std::move(bundle), replace, kept, options.quiet, size);
-      if (path == options.output) written = facts;
+      try {
+        const std::string facts = writeScene(path, std::move(bundle), replace, kept, options.quiet, size);
+        if (path == options.output) written = facts;
+      } catch (const Error& error) {
+        // What a training was stopped at may be larger than what would have come of it.
+        if (!report.interrupted || size.bytes == 0 || error.kind != ErrorKind::usage) throw;
+        std::fprintf(stderr, "tgtrain: %s\n", error.what());
+        if (run && !replace) disown(*run, path);
+        too_large = true;
+      }
     });
     return training_json;
   };
@@ -479,10 +488,14 @@ int train(const TrainFlags& options, Processes* together) {
   }
   if (!options.quiet) {
     const std::string name = options.output.empty() ? run->model().string() : options.output;
-    if (written.empty()) written = "(" + std::to_string(fs::file_size(name)) + " bytes)";
     std::fputs(formatSummary(result.report, json_options.total_seconds).c_str(), stdout);
-    std::printf("%s%s %s\n", result.report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(),
-                written.c_str());
+    if (too_large) {
+      std::printf("interrupted; %s is not written\n", name.c_str());
+    } else {
+      if (written.empty()) written = "(" + std::to_string(fs::file_size(name)) + " bytes)";
+      std::printf("%s%s %s\n", result.report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(),
+                  written.c_str());
+    }
     if (run && result.report.interrupted) {
       std::printf("the same command with --resume goes on from %s\n", run->checkpoint().c_str());
     }

@@ -144,12 +144,6 @@ void checkCameras(const std::vector<Camera>& cameras, const std::string& place) 
   }
 }
 
-// Not where black only stands for what its format has no word for.
-bool knowsBackground(const Bundle& loaded) {
-  const Format* format = findFormat(loaded.format);
-  return !format || format->holds(kKeepsBackground) || loaded.background != Bundle().background;
-}
-
 std::string spoken(glm::vec3 color) {
   return numberText(color.x) + ", " + numberText(color.y) + ", " + numberText(color.z);
 }
@@ -158,14 +152,13 @@ void merge(Bundle& loaded, const Edit& edit) {
   const Bundle other = readModel(edit.value, edit.reading);
   mergeModel(loaded.model, other.model, edit.value);
   addCameras(loaded.cameras, other.cameras);
-  addCameras(loaded.views, other.views);
-  if (knowsBackground(other) && other.background != loaded.background) {
-    if (knowsBackground(loaded)) {
-      loaded.warnings.push_back(edit.value + ": another background, left aside (" + spoken(other.background) +
-                                " beside " + spoken(loaded.background) + ")");
-    } else {
-      loaded.background = other.background;
-    }
+  if (!other.views.empty()) loaded.warnings.push_back(edit.value + ": its named views are left aside");
+  if (!loaded.knows_background && other.knows_background) {
+    loaded.background = other.background;
+    loaded.knows_background = true;
+  } else if (other.knows_background && other.background != loaded.background) {
+    loaded.warnings.push_back(edit.value + ": another background, left aside (" + spoken(other.background) +
+                              " beside " + spoken(loaded.background) + ")");
   }
   for (const std::string& warning : other.warnings) loaded.warnings.push_back(edit.value + ": " + warning);
   if (wasInterrupted(other.training_json)) loaded.warnings.push_back(edit.value + ": " + kInterruptedTraining);

@@ -111,8 +111,9 @@ nlohmann::ordered_json listViews(std::span<const Camera> views) {
 
 std::vector<Camera> readViews(const tinygltf::Value& list, std::size_t& skipped) {
   std::vector<Camera> views;
-  skipped = 0;
-  for (std::size_t i = 0; list.IsArray() && i < list.ArrayLen(); ++i) {
+  skipped = list.IsArray() ? 0 : 1;
+  const int count = list.IsArray() ? static_cast<int>(list.ArrayLen()) : 0;
+  for (int i = 0; i < count; ++i) {
     const tinygltf::Value& view = list.Get(i);
     Camera camera;
     const auto t = numbers<3>(view, "translation");
@@ -125,6 +126,12 @@ std::vector<Camera> readViews(const tinygltf::Value& list, std::size_t& skipped)
     const glm::dmat3 rotation = matrixFromQuaternion({q->w, q->x, q->y, q->z});
     camera.rotation = glm::transpose(turnCameraAxes(turnWorldAxes(rotation)));
     camera.translation = -camera.rotation * turnAxes(*t);
+    // What is written of them are floats, too.
+    const glm::vec3 floats = glm::abs(glm::vec3(camera.translation)) + glm::abs(glm::vec3(camera.position()));
+    if (!std::isfinite(floats.x + floats.y + floats.z)) {
+      ++skipped;
+      continue;
+    }
     views.push_back(std::move(camera));
   }
   return views;

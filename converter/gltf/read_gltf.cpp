@@ -420,6 +420,7 @@ void warnRepairs(GltfDocument& document, const SplatInstance& instance, const Re
 
 // What write_gltf.cpp keeps in asset.extras.
 void readAssetExtras(GltfDocument& document, Bundle& loaded) {
+  loaded.knows_background = false;
   const tinygltf::Value& extras = document.model.asset.extras;
   if (!extras.Has(kExtrasKey)) return;
   const tinygltf::Value& ours = extras.Get(kExtrasKey);
@@ -446,6 +447,7 @@ void readAssetExtras(GltfDocument& document, Bundle& loaded) {
     const tinygltf::Value& number = background.Get(c);
     if (number.IsNumber()) loaded.background[c] = static_cast<float>(number.GetNumberAsDouble());
   }
+  loaded.knows_background = true;
 }
 
 // The model of a document that has been checked. Takes its warnings.

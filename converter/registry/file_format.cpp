@@ -415,6 +415,7 @@ Bundle readModel(const Path& path, const ReadOptions& options) {
   const Format& format = detectFormat(path);
   Bundle loaded = format.read(path, options);
   loaded.format = format.name;
+  if (!format.holds(kKeepsBackground)) loaded.knows_background = false;
   return loaded;
 }
 

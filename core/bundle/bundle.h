@@ -24,6 +24,7 @@ struct Bundle {
   std::string training_json;          // "" = none. Free-form JSON object: configuration, metrics, times
   Image preview;                      // empty = none; 3 channels, at most 512 px a side
   glm::vec3 background{0.0f};         // what the model was trained against; black where a file does not say
+  bool knows_background = true;       // false: a file does not say
   std::string format;                 // filled by readModel(): the name of the file's format
   std::optional<glm::vec3> axes;      // filled by readers of files in others than their format's: a sign a coordinate
                                       // that makes the model's of the file's

@@ -29,11 +29,14 @@ bool wasEdited(const std::string& training_json) { return isTrue(training_json, 
 
 void noteEdited(std::string& training_json) {
   if (training_json.empty() || wasEdited(training_json)) return;
-  // The rest stays byte by byte.
-  const std::size_t inside = training_json.find('{') + 1;
-  const std::size_t next = training_json.find_first_not_of(" \t\r\n", inside);
-  if (inside == 0 || next == std::string::npos) return;
-  training_json.insert(inside, training_json[next] == '}' ? "\"edited\": true" : "\"edited\": true,");
+  nlohmann::ordered_json json = nlohmann::ordered_json::parse(training_json, nullptr, false);
+  if (!json.is_object()) return;
+  if (json.contains("edited")) {
+    json["edited"] = true;
+    training_json = dumpJson(json, 1) + "\n";
+  } else {  // the rest stays byte by byte
+    training_json.insert(training_json.find('{') + 1, json.empty() ? "\"edited\": true" : "\"edited\": true,");
+  }
 }
 
 bool wasForValidation(const std::string& training_json) { return isTrue(training_json, "/dataset/validation"); }

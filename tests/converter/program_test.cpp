@@ -615,6 +615,10 @@ TEST_CASE("named views go from file to file, move with the model, and are missed
         std::string::npos);
   REQUIRE(tgconvert(scratch, "in.glb bare.glb --no-cameras").code == 0);
   CHECK(readModel(scratch.folder() / "bare.glb").views.empty());
+  REQUIRE(tgconvert(scratch, "in.glb in.glb merged.glb").code == 0);
+  CHECK(readModel(scratch.folder() / "merged.glb").views.size() == 1);
+  REQUIRE(tgconvert(scratch, "lost.tgz in.glb bare2.glb --no-cameras").code == 0);
+  CHECK(readModel(scratch.folder() / "bare2.glb").views.empty());
   scratch.write("none.json", "[]");
   const Result none = tgconvert(scratch, "in.glb none.glb --views none.json");
   CHECK(none.code == 3);
@@ -640,6 +644,14 @@ TEST_CASE("an edited model says so of its scores, and a merged one takes the bac
   const Result two = tgconvert(scratch, "a.tgz blue.tgz two.tgz");
   CHECK(two.err.find("blue.tgz: another background, left aside (0, 0, 1 beside 1, 1, 1)") != std::string::npos);
   CHECK(readModel(scratch.folder() / "two.tgz").background == glm::vec3(1.0f));
+  bundle.background = glm::vec3(0.0f);
+  writeBundle(scratch.folder() / "black.tgz", bundle);
+  REQUIRE(tgconvert(scratch, "b.ply black.tgz a.tgz first.tgz").code == 0);
+  CHECK(readModel(scratch.folder() / "first.tgz").background == glm::vec3(0.0f));
+  bundle.training_json = "{\"edited\": false}";
+  writeBundle(scratch.folder() / "odd.tgz", bundle);
+  REQUIRE(tgconvert(scratch, "odd.tgz odder.tgz --decimate 50%").code == 0);
+  CHECK(wasEdited(readModel(scratch.folder() / "odder.tgz").training_json));
 }
 
 TEST_CASE("every merged file is read as the first one is, and the warning of a stopped training stays") {

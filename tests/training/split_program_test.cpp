@@ -114,6 +114,7 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   refused(TG_TGTRAIN, "split city new --blocks 2x2 --train '-o x'", 1, "is the farm's own");
   refused(TG_TGTRAIN, "split city new --blocks 2x2 --train '--target-size=25KB'", 1, "--target-size is for one file");
   refused(TG_TGTRAIN, "split city new --blocks 2x2 --train '--gaussians 9'", 1, "--gaussians is split's own");
+  refused(TG_TGTRAIN, "split city new --memory 1GB --train '--image-memory 9'", 1, "--image-memory is split's own");
   refused(TG_TGTRAIN, "split blocks/block_0_0 new --blocks 2x2", 3, "is a block already");
   refused(TG_TGTRAIN, "split absent new --blocks 2x2", 2, "absent: no such folder");
   refused(TG_TGEVAL, "city.tgz city --whole coarse.tgz", 1, "--whole: is compared at seams");

@@ -198,7 +198,8 @@ void leaveOutHidden(const fs::path& place, bool only_test, int downscale, Datase
 }
 
 // A photograph that is listed twice in one split counts once; one in both splits stays in both, as it was asked for.
-void dropRepeated(const fs::path& folder, DatasetIndex& index, std::vector<std::string>& notes) {
+// scored: by the views that the data set holds out.
+void dropRepeated(const fs::path& folder, bool scored, DatasetIndex& index, std::vector<std::string>& notes) {
   std::set<fs::path> seen[2];  // of the training views, of those held out
   std::string first_repeated;
   const std::size_t listed = index.entries.size();
@@ -212,7 +213,7 @@ void dropRepeated(const fs::path& folder, DatasetIndex& index, std::vector<std::
                     " listed images are listed before and count once (the first: " + first_repeated + ")");
   }
   const auto shared = std::ranges::count_if(seen[1], [&](const fs::path& image) { return seen[0].contains(image); });
-  if (shared > 0) {
+  if (shared > 0 && scored) {
     notes.push_back(std::to_string(shared) + " of " + std::to_string(seen[1].size()) +
                     " images that are held out are trained on as well: scores say little");
   }
@@ -455,7 +456,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
                                   first_missing + " and others; --image-folder names another folder)");
   }
 
-  dropRepeated(folder, index, dataset.notes);
+  dropRepeated(folder, !options.validation, index, dataset.notes);
 
   if (block) requireListed(place, folder, *block, index);
   std::stable_sort(index.entries.begin(), index.entries.end(),

@@ -65,9 +65,10 @@ SizePlan planForSize(std::uint64_t bytes, double part, std::uint64_t training_pi
   const double room = roomFor(bytes, part, each, kFileBytes);
   const double texels = std::min(
       {static_cast<double>(training_pixels) / kPixelsPerTexel, kMostTexels * room / (each + kMostTexels * kTexelBytes),
-       std::max(room - kFewestGaussians * each, kFewestGaussians * kLeastTexels) / kTexelBytes});
+       std::max((room - kFewestGaussians * each) / kTexelBytes, kFewestGaussians * kLeastTexels)});
   if (mode == TextureMode::none) return {std::min(static_cast<std::size_t>(room / each), kMostGaussians), 0};
-  const double gaussians = std::min((room - texels * kTexelBytes) / each, static_cast<double>(kMostGaussians));
+  const double gaussians = std::clamp((room - texels * kTexelBytes) / each, static_cast<double>(kFewestGaussians),
+                                      static_cast<double>(kMostGaussians));
   return {static_cast<std::size_t>(gaussians), texels / gaussians};
 }
 

@@ -198,7 +198,8 @@ void updatePreview(ViewerState& state) {
 bool holdsModel(const std::filesystem::path& file, const Scene& scene) {
   const Format& format = modelFormat(file);
   if (format.holds(kKeepsFloats) && (format.holds(kKeepsTextures) || scene.textured == 0) &&
-      (format.holds(kKeepsSh) || scene.sh_degree == 0) && (format.holds(kKeepsCameras) || scene.cameras.empty())) {
+      (format.holds(kKeepsSh) || scene.sh_degree == 0) && (format.holds(kKeepsCameras) || scene.cameras.empty()) &&
+      (format.holds(kKeepsViews) || scene.views.empty())) {
     return true;
   }
   return lowerExtension(file) == lowerExtension(scene.path);

@@ -219,15 +219,17 @@ void setModel(ViewerState& state, ModelPtr model, std::uint64_t revision) {
   measure(state.scene);
 }
 
-// The whole model takes its cameras along, those that it had.
+// The whole model takes its named views along, and its cameras, those that it had.
 void moveCameras(ViewerState& state, const HistoryStep& step, bool back) {
-  if (!step.edit->moves_cameras || step.camera_lists != state.scene.camera_lists) return;
+  if (!step.edit->moves_cameras) return;
   Similarity similarity = step.edit->similarity;
   if (back) {
     similarity.scale = 1 / similarity.scale;
     similarity.rotation = glm::transpose(similarity.rotation);
     similarity.translation = -similarity.scale * (similarity.rotation * similarity.translation);
   }
+  transformCameras(state.scene.views, similarity);
+  if (step.camera_lists != state.scene.camera_lists) return;
   transformCameras(state.scene.cameras, similarity);
   state.scene.up = sceneUp(state.scene.cameras);
   state.camera.index = -1;

@@ -145,6 +145,9 @@ TEST_CASE("a photograph that is listed twice counts once, and one that is held o
   CHECK(split.indices(true).size() == 2);
   REQUIRE(split.notes.size() == 2);
   CHECK(split.notes[1] == "2 of 2 images that are held out are trained on as well: scores say little");
+  DatasetOptions validation;
+  validation.validation = true;
+  CHECK(loadDataset(folder.path, validation).notes.size() == 1);
 }
 
 TEST_CASE("scales intrinsics to the image's size and by --downscale", "[dataset]") {
