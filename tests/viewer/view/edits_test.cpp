@@ -258,8 +258,9 @@ TEST_CASE("a model keeps at least one Gaussian, and deleting nothing says so and
   CHECK(state.scene.model->size() == 400);
 }
 
-TEST_CASE("without a selection the whole model moves with its cameras, with one they stay") {
+TEST_CASE("without a selection the whole model moves with its cameras and named views, with one they stay") {
   ViewerState state = sampleState();
+  state.scene.views = {state.scene.cameras[0]};
   const GaussianModel before = *state.scene.model;
   const std::vector<Camera> cameras = state.scene.cameras;
   const Similarity similarity = someSimilarity();
@@ -270,6 +271,7 @@ TEST_CASE("without a selection the whole model moves with its cameras, with one 
   std::vector<Camera> moved = cameras;
   transformCameras(moved, similarity);
   CHECK(state.scene.cameras[0] == moved[0]);
+  CHECK(state.scene.views[0] == moved[0]);
   CHECK(state.camera.index == -1);
   undo(state);
   CHECK(*state.scene.model == before);
@@ -277,6 +279,7 @@ TEST_CASE("without a selection the whole model moves with its cameras, with one 
   choose(state, everyThird(400), SelectMode::replace, nullptr);
   transformChosen(state, similarity);
   CHECK(state.scene.cameras[0].rotation == cameras[0].rotation);
+  CHECK(glm::distance(state.scene.views[0].translation, cameras[0].translation) < 1e-12);
   CHECK(state.scene.model->mean[1] == before.mean[1]);
   CHECK(state.scene.model->mean[3] == expected.mean[3]);
   REQUIRE(state.edit.selection);
