@@ -304,3 +304,24 @@ TEST_CASE("what tgtrain says reaches a file or a pipe while it trains", "[resume
   child.send(SIGINT);
   CHECK(child.end() == 128 + SIGINT);
 }
+
+TEST_CASE("a training that is stopped with more Gaussians than its size has room for keeps the model and goes on",
+          "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string sized =
+      "scene -o scene.sog --target-size 6KB --start random --init-count 5000 --iterations 1000000";
+  const auto stopped = [&](const std::string& run) {
+    Child child(folder, sized + run);
+    child.until([&] { return child.output().find("plain 1/") != std::string::npos; });
+    child.send(SIGINT);
+    CHECK(child.end() == 128 + SIGINT);
+    CHECK_THAT(child.output(), Contains("scene.sog: --target-size is out of reach") &&
+                                   Contains("interrupted; scene.sog is not written"));
+    CHECK_FALSE(fs::exists(folder / "scene.sog"));
+    return child.output();
+  };
+  CHECK_THAT(stopped(""), Contains("(the model is kept as scene.sog.tgz)"));
+  CHECK(tg::readBundle(folder / "scene.sog.tgz").model.size() == 5000);
+  CHECK_THAT(stopped(" --run run"), Contains("the same command with --resume goes on from"));
+}
