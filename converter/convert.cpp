@@ -207,7 +207,6 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     write_options.steps = stepsFor(format, output, written, views, write_options, options.target);
   }
   if (format.has_steps) report.steps = write_options.steps;
-  if (format.name == "sog" && !report.steps) report.steps = 1.0f;
   write(written);
   if (measured && format.read && (changes || options.measure == Measure::always)) {
     measure(format, output, source, views, report);

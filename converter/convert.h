@@ -51,7 +51,7 @@ struct ConvertReport : Written {
   std::uint64_t input_bytes = 0;
   std::size_t gaussians = 0;
   int sh_degree = 0;
-  std::optional<float> steps;  // of a file that is in steps
+  std::optional<float> steps;  // that were asked for, or found for a target
   std::size_t cameras = 0;
   std::vector<EditReport> edits;
   std::optional<AdaptReport> adapted;

@@ -113,8 +113,7 @@ std::string describe(const ConvertReport& report) {
           turnOf(from.signs * to.signs) + "\n";
   text += format("size: %llu -> %llu bytes%s\n", static_cast<unsigned long long>(report.input_bytes),
                  static_cast<unsigned long long>(report.output_bytes), report.dry_run ? " (nothing is written)" : "");
-  if (report.steps && (*report.steps != 1 || report.output_format != "sog"))
-    text += format("steps: %.3g\n", static_cast<double>(*report.steps));
+  if (report.steps) text += format("steps: %.3g\n", static_cast<double>(*report.steps));
   text += "textures: " + report.texture_mode;
   if (report.texels > 0) text += format(", %llu texels", static_cast<unsigned long long>(report.texels));
   if (report.atlases > 0) {
