@@ -157,6 +157,7 @@ void refuseIdleFlags(const CLI::App& app, const TrainFlags& options) {
   const auto refuse = [&](const char* flag, const char* expected) {
     if (app.count(flag) > 0) throw Error(ErrorKind::usage, std::string(flag) + " expects " + expected);
   };
+  if (!options.start_model.empty()) refuse("--points", "no --start-model, which is a start of its own");
   if (!options.run.folder.empty()) return;
   for (const char* flag : {"--checkpoint-every", "--preview-every"}) refuse(flag, "a run folder (--run FOLDER)");
   if (!options.serve.empty()) return;
@@ -186,6 +187,9 @@ void warnIdleSettings(const CLI::App& app, const TrainFlags& options) {
   if (!textured && !planned) {
     const bool none = settings.texture_mode == TextureMode::none;
     warn(none ? "--texture-mode none" : "--texture-iterations 0", is_of_stage_2);
+  }
+  if (!options.start_model.empty()) {
+    warn("--start-model", [](const auto& entry) { return entry.name == "start" || entry.name == "init-count"; });
   }
   if (!by_adc) {
     const std::string densification(name(settings.densification));

@@ -153,8 +153,7 @@ class PairMerger {
   double cost(std::size_t a, std::size_t b) const {
     const auto [x, y] = shownMoments(a, b);
     const GaussianMoments whole = merged(x, y);
-    glm::dmat3 axes;
-    const double area = areaOf(sigmaOf(whole, axes));
+    const double area = areaOf(whole);
     const double parts =
         (x.mass * areaOf(boundedSigma(model_, a)) + y.mass * areaOf(boundedSigma(model_, b))) / whole.mass;
     const double growth = std::log(std::max(area / std::max(parts, kLeastVariance), 1.0));

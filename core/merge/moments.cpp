@@ -34,6 +34,18 @@ glm::dvec3 eigen(glm::dmat3 m, glm::dmat3& vectors) {
   return {m[0][0], m[1][1], m[2][2]};
 }
 
+// Of a symmetric matrix whose elements are at most of the order of 1: O. K. Smith, "Eigenvalues of a symmetric 3 x 3
+// matrix", Communications of the ACM 4 (1961).
+double largestEigenvalue(const glm::dmat3& m) {
+  const double mean = (m[0][0] + m[1][1] + m[2][2]) / 3.0;
+  const glm::dmat3 from = m - glm::dmat3(mean);
+  const double squares = glm::dot(from[0], from[0]) + glm::dot(from[1], from[1]) + glm::dot(from[2], from[2]);
+  const double spread = std::sqrt(squares / 6.0);
+  if (!(spread > 0.0)) return mean;
+  const double cosine = glm::determinant(from / spread) / 2.0;
+  return mean + 2.0 * spread * std::cos(std::acos(std::clamp(cosine, -1.0, 1.0)) / 3.0);
+}
+
 }  // namespace
 
 glm::dvec3 boundedSigma(const GaussianModel& model, std::size_t i) {
@@ -43,6 +55,17 @@ glm::dvec3 boundedSigma(const GaussianModel& model, std::size_t i) {
 double areaOf(glm::dvec3 sigma) {
   std::sort(&sigma[0], &sigma[0] + 3);
   return sigma.y * sigma.z;
+}
+
+// Of the covariance's eigenvalues the product of the two largest is the largest of its adjugate.
+double areaOf(const GaussianMoments& moments) {
+  const glm::dmat3& covariance = moments.covariance;
+  const double scale = covariance[0][0] + covariance[1][1] + covariance[2][2];
+  if (!(scale > kLeastVariance)) return kLeastVariance;
+  const glm::dmat3 m = covariance / scale;
+  const glm::dmat3 adjugate(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+  const double longest = std::max({m[0][0], m[1][1], m[2][2]}), least = kLeastVariance / scale;
+  return scale * std::sqrt(std::max(largestEigenvalue(adjugate), std::max(longest, least) * least));
 }
 
 GaussianMoments momentsOf(const GaussianModel& model, std::size_t i, double alpha) {

@@ -22,6 +22,7 @@ struct GaussianMoments {
 glm::dvec3 boundedSigma(const GaussianModel& model, std::size_t i);
 // Of the two longer axes [world units^2], as sigmas.
 double areaOf(glm::dvec3 sigma);
+double areaOf(const GaussianMoments& moments);
 // `alpha`: its texture's mean factor.
 GaussianMoments momentsOf(const GaussianModel& model, std::size_t i, double alpha);
 // Those of the two densities together, each with its mass.

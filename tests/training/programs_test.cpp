@@ -274,6 +274,8 @@ TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on 
   const Outcome refused = run(folder, hidden + "cuda" + kShort);
   CHECK(refused.code == 5);
   CHECK_THAT(refused.output, Contains("tgtrain: CUDA"));
+  CHECK(run(folder, "CUDA_VISIBLE_DEVICES= '" TG_TGTRAIN "' scene --run new --device cuda").code == 5);
+  CHECK_FALSE(std::filesystem::exists(folder / "new"));  // nothing came into it
   CHECK_FALSE(std::filesystem::exists(folder / "model.tgz"));
   const Outcome trained = run(folder, hidden + "auto" + kShort);
   INFO(trained.output);
@@ -381,6 +383,12 @@ TEST_CASE("a setting that nothing uses is warned of where a flag names it", "[pr
   REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --texture-iterations 0 > all.toml").code == 0);
   CHECK(said("--config all.toml").empty());
   CHECK_THAT(said("--config all.toml --texture-size 4"), Contains("--texture-size: does nothing with"));
+  REQUIRE(tgtrain(folder, "scene -o start.tgz -q --iterations 2 --texture-iterations 2 --texture-size 4").code == 0);
+  CHECK(said("--texture-iterations 2 --start-model start.tgz --start random --init-count 7") ==
+        "tgtrain: --start, --init-count: does nothing with --start-model\n"
+        "tgtrain: --iterations: does nothing with a start model that has textures\n");
+  CHECK(said("--start-model start.tgz --points scene/points3d.ply") ==
+        "tgtrain: --points expects no --start-model, which is a start of its own\n");
 }
 
 TEST_CASE("a wrong command line is one line that names the program", "[programs]") {

@@ -45,8 +45,9 @@ Json stageJson(const StageReport& stage, bool measurements) {
 }
 
 std::string stageLine(Stage stage, const StageReport& report) {
-  std::string line = formatted("%-11s %6d iterations  %8zu Gaussians  loss %.4f", std::string(name(stage)).c_str(),
-                               report.iterations, report.gaussians, report.loss);
+  std::string line = formatted("%-11s %6d iterations  %8zu Gaussians", std::string(name(stage)).c_str(),
+                               report.iterations, report.gaussians);
+  if (report.iterations > 0) line += formatted("  loss %.4f", report.loss);
   if (report.test) {
     line += formatted("  test PSNR %.2f dB  SSIM %.4f (%zu views)", report.test->psnr, report.test->ssim,
                       report.test->views);

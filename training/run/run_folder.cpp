@@ -108,7 +108,7 @@ RunFolder::RunFolder(RunFolderOptions options)
     : options_(std::move(options)), log_(options_.metrics_every, options_.eval_every) {
   const fs::path& folder = options_.folder;
   std::error_code error;
-  fs::create_directories(folder, error);
+  made_ = fs::create_directories(folder, error);
   if (error) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + error.message());
   lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   try {
@@ -128,14 +128,20 @@ RunFolder::RunFolder(RunFolderOptions options)
     }
     requireWritable(checkpoint());
   } catch (...) {
-    if (lock_ >= 0) ::close(lock_);
+    leave();
     throw;
   }
 }
 
 RunFolder::~RunFolder() {
   if (metrics_ >= 0) ::close(metrics_);
-  ::close(lock_);
+  leave();
+}
+
+void RunFolder::leave() {
+  std::error_code ignored;
+  if (made_) fs::remove(options_.folder, ignored);  // where nothing is in it
+  if (lock_ >= 0) ::close(lock_);
 }
 
 bool RunFolder::owns(const fs::path& file) const { return has_checkpoint_ && isOutputOf(options_.folder, file); }

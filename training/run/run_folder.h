@@ -45,7 +45,8 @@ bool isOutputOf(const std::filesystem::path& folder, const std::filesystem::path
 // One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.
 class RunFolder {
  public:
-  // Makes and locks the folder. Throws Error(cannotWrite) when it is in use or holds what must not be replaced.
+  // Makes and locks the folder, which goes again where nothing has come into it. Throws Error(cannotWrite) when it is
+  // in use or holds what must not be replaced.
   explicit RunFolder(RunFolderOptions options);
   ~RunFolder();
   RunFolder& operator=(RunFolder&&) = delete;
@@ -80,6 +81,7 @@ class RunFolder {
  private:
   using Clock = std::chrono::steady_clock;
 
+  void leave();
   std::string save(const Trainer& trainer);  // returns training.json
   void openMetrics(std::uint64_t keep_bytes);
   void writeMetrics(const RunMetrics& metrics);
@@ -87,7 +89,8 @@ class RunFolder {
 
   const RunFolderOptions options_;
   const Clock::time_point start_ = Clock::now();
-  int lock_ = -1;  // descriptor of the folder
+  bool made_ = false;  // was not there before
+  int lock_ = -1;      // descriptor of the folder
   bool has_checkpoint_ = false;
   double earlier_seconds_ = 0;
   const Dataset* dataset_ = nullptr;
