@@ -247,6 +247,9 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
     }
     refuse(option.name, tg::listed(names));
   }
+  if (output && output->name == "html" && arguments.options.atlas == tg::AtlasFormat::exr) {
+    throw tg::Error(tg::ErrorKind::usage, "--atlas: a page reads no EXR (expected png8, png16 or webp, found \"exr\")");
+  }
   // Of what is read. What cannot be told apart says so itself, later.
   if (!given("--spz-axes") && !given("--base-only")) return;
   std::vector<std::string> inputs = {arguments.input};

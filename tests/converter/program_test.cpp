@@ -467,6 +467,8 @@ TEST_CASE("options that do nothing for what is written or read are refused") {
   CHECK(tgconvert(scratch, "in.ply a.ply --quantize").err ==
         "tgconvert: --quantize does nothing here: it is only for .glb, .gltf or .html\n");
   CHECK(!std::filesystem::exists(scratch.folder() / "a.ply"));
+  CHECK(tgconvert(scratch, "in.ply a.html --atlas exr").err ==
+        "tgconvert: --atlas: a page reads no EXR (expected png8, png16 or webp, found \"exr\")\n");
   // One format's files keep it in their names' ends.
   std::filesystem::create_directory(scratch.folder() / "packed");
   REQUIRE(tgconvert(scratch, "in.ply packed/a.compressed.ply --quiet").code == 0);

@@ -185,6 +185,10 @@ TEST_CASE("a run that was trained for a file goes on for that one alone", "[resu
   CHECK_THAT(other.output, Contains("run/checkpoint: is of a run with other settings: --steps (expected 4, found 8)"));
   CHECK_THAT(tgtrain(folder, train + "-o b.glb --steps 4").output, Contains("--output (expected .sog, found .glb)"));
   CHECK(tgtrain(folder, train + "-o b.sog --steps 4").code == 0);
+  // A size decides the count, which nobody named.
+  const std::string sized = "scene --iterations 20 --texture-mode none --run sized --resume -q -o c.sog --target-size ";
+  REQUIRE(tgtrain(folder, sized + "9KB").code == 0);
+  CHECK_THAT(tgtrain(folder, sized + "12KB").output, Contains("--target-size (expected 9000, found 12000)"));
   CHECK(bytesOf(folder / "a.sog") == bytesOf(folder / "b.sog"));
 }
 

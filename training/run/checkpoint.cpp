@@ -398,8 +398,10 @@ std::string firstDifference(const std::string& old_text, const std::string& new_
   };
   for (const auto& [name, value] : new_lines) {
     const std::string* old = valueIn(old_lines, name);
-    if (!old) return prefix + name + " (not known to the program that wrote it)";
-    if (*old != value) return prefix + name + " (expected " + *old + ", found " + value + ")";
+    if (old && *old != value) return prefix + name + " (expected " + *old + ", found " + value + ")";
+  }
+  for (const auto& [name, value] : new_lines) {
+    if (!valueIn(old_lines, name)) return prefix + name + " (not known to the program that wrote it)";
   }
   for (const auto& [name, value] : old_lines) {
     if (!valueIn(new_lines, name)) return prefix + name + " (not known to this program)";
@@ -440,10 +442,10 @@ std::string exactText(Number value) {
 RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, const std::string& fingerprint,
                         const GaussianModel* start, const FlagTexts& quantized_for, const GaussianModel* context) {
   RunIdentity identity;
-  for (const SettingEntry& entry : settingEntries()) identity.settings += entry.name + " " + entry.get(settings) + "\n";
-  if (settings.quantize_iterations > 0) {
+  if (settings.quantize_iterations > 0) {  // these first: a size decides other settings
     for (const auto& [name, value] : quantized_for) identity.settings += name + " " + value + "\n";
   }
+  for (const SettingEntry& entry : settingEntries()) identity.settings += entry.name + " " + entry.get(settings) + "\n";
   const auto fact = [&](const char* name, const std::string& value) {
     identity.data += std::string(name) + " " + value + "\n";
   };

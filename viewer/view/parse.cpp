@@ -50,7 +50,7 @@ std::size_t parseIndex(const std::string& text, std::size_t count, const std::st
 }
 
 Camera cameraOf(const std::string& text, const std::vector<Camera>& model_cameras, const std::string& what) {
-  if (text.find_first_not_of("0123456789") == std::string::npos && !text.empty()) {
+  if (text.find_first_not_of("-0123456789") == std::string::npos && !text.empty()) {
     const auto index = parseWhole<std::size_t>(text);
     if (model_cameras.empty()) refuseValue(what, text, "a cameras.json: the model has no cameras");
     if (!index || *index >= model_cameras.size()) {

@@ -36,6 +36,7 @@ TEST_CASE("a camera's number must exist") {
   const std::vector<Camera> cameras(3, lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
   CHECK(cameraOf("2", cameras, "--camera").size.x == 64);
   CHECK_THROWS_WITH(cameraOf("3", cameras, "--camera"), "--camera: expected 0 to 2 (see --list-cameras), found \"3\"");
+  CHECK_THROWS_WITH(cameraOf("-1", cameras, "--camera"), Contains("expected 0 to 2"));
   CHECK_THROWS_AS(cameraOf("99999999999999999999", cameras, "--camera"), Error);
   CHECK_THROWS_AS(cameraOf("0", {}, "--camera"), Error);
   CHECK_THROWS_AS(cameraOf("no-such-file.json", cameras, "--camera"), Error);
