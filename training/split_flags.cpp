@@ -125,8 +125,8 @@ void splitScene(const SplitFlags& flags) {
   options.memory = flags.memory;
   options.gaussians = flags.gaussians;
   options.padding = flags.padding / 100;
-  options.least = flags.least;
-  options.most = std::max(flags.most, flags.least);
+  options.least = std::min(flags.least, flags.most);
+  options.most = flags.most;
   if (!flags.context.empty()) (void)readModel(flags.context);  // before it is every training's complaint
   DatasetOptions data = datasetOptions(flags.data);
   data.cameras_only = true;
@@ -143,6 +143,10 @@ void splitScene(const SplitFlags& flags) {
   const std::vector<PlannedBlock> plan = planBlocks(dataset, glm::normalize(up), options);
   std::string jobs;
   for (const PlannedBlock& planned : plan) {
+    if (planned.gaussians > kMaxGaussians) {
+      throw Error(ErrorKind::usage, "split: " + planned.block.name + " has too many Gaussians for one training" +
+                                        atMost(kMaxGaussians, planned.gaussians) + ": more blocks have fewer each");
+    }
     FarmJob job{planned.block.name, planned.block.name, "model.tgz", {}};
     job.flags = {"--gaussians", std::to_string(planned.gaussians), "--test-every", std::to_string(data.test_every)};
     if (flags.memory > 0) {

@@ -210,8 +210,8 @@ Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
 
 // What of the flags decides how stage quantized goes.
 FlagTexts quantizedFor(const TrainFlags& options) {
-  return {{"target-size", std::to_string(options.target_bytes)},
-          {"steps", numberText(options.steps)},
+  return {{"target-size", options.target_bytes > 0 ? std::to_string(options.target_bytes) : "none"},
+          {"steps", options.steps > 0 ? numberText(options.steps) : "none"},
           {"output", lowerExtension(options.output)}};
 }
 
@@ -275,6 +275,7 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
   const GaussianModel* model = start ? &start->model : nullptr;
   if (options.target_bytes > 0) planSize(options, 0, model, !together, settings);
   planQuantizing(options, model, settings);
+  checkTrainable(settings, model, !together);
   return start;
 }
 
@@ -417,10 +418,11 @@ int train(const TrainFlags& options, Processes* together) {
     try {
       if (!trainer.step(&stop_requested)) continue;
     } catch (const std::exception& error) {
-      if (!storing || run) throw;
+      const bool before_textures = trainer.stage() == Stage::textured && trainer.progress().iteration == 0;
+      if (run || !(storing || before_textures)) throw;
       const auto* named = dynamic_cast<const Error*>(&error);
       const Error why = named ? *named : Error(ErrorKind::cannotWrite, options.output, error.what());
-      // The file cannot be written, which its trial says before the end.
+      // The file cannot be written, which its trial says before the end, or textures have no room.
       line.finish();
       json_options.total_seconds = seconds();
       TrainResult result = trainer.result();

@@ -309,6 +309,14 @@ bool areShared(std::span<const std::uint32_t> groups) {
   return different <= kMostSharedTextures && 2 * different <= groups.size();
 }
 
+bool shareTexels(const TextureAtlas& atlas, std::span<const std::uint32_t> groups) {
+  std::vector<std::uint8_t> known(groups.size(), 0);
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (atlas.rects[i].texelCount() > 0 && std::exchange(known[groups[i]], 1) != 0) return true;
+  }
+  return false;
+}
+
 TextureAtlas heldOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> groups) {
   TextureAtlas once;
   std::vector<TextureRect> rects;  // of the groups
@@ -333,22 +341,30 @@ std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
   return heldOnce(atlas, groups);
 }
 
+void requireShareable(const TextureAtlas& atlas) {
+  if (atlas.rects.empty()) return;
+  const TextureRect size = atlas.rects.front();
+  const auto text = [](const TextureRect& rect) {
+    return std::to_string(rect.width) + " x " + std::to_string(rect.height);
+  };
+  for (const TextureRect& rect : atlas.rects) {
+    if (rect.texelCount() > 0 && rect.width == size.width && rect.height == size.width) continue;
+    if (rect.texelCount() == 0 || size.texelCount() == 0) {
+      throw Error(ErrorKind::usage, "textures that Gaussians share are of all of them (found some without)");
+    }
+    const bool square = size.width == size.height;
+    throw Error(ErrorKind::usage, "textures that Gaussians share are squares of one size (found " +
+                                      (square ? text(size) + " and " : "") + text(rect) + " texels)");
+  }
+}
+
 bool shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
                    std::uint64_t seed, const std::atomic<bool>* stop) {
   TG_ASSERT(entries > 0 && entries <= kMostSharedTextures, "a number of textures that Gaussians can share");
   TG_ASSERT(weights.size() == model.size(), "a weight a Gaussian");
   TG_ASSERT(bit_cost >= 0.0, "bits that cost something, or nothing");
   if (model.atlas.rects.empty()) return true;
-  const TextureRect size = model.atlas.rects.front();
-  for (const TextureRect& rect : model.atlas.rects) {
-    if (rect.texelCount() > 0 && rect.width == size.width && rect.height == size.width) continue;
-    if (rect.texelCount() == 0 || size.texelCount() == 0) {
-      throw Error(ErrorKind::usage, "textures that Gaussians share are of all of them (found some without)");
-    }
-    throw Error(ErrorKind::usage, "textures that Gaussians share are squares of one size (found " +
-                                      std::to_string(size.width) + " x " + std::to_string(size.height) + " and " +
-                                      std::to_string(rect.width) + " x " + std::to_string(rect.height) + " texels)");
-  }
+  requireShareable(model.atlas);
   const KMeans dictionary(model, entries, weights, bit_cost, seed, stop);
   if (stop && *stop) return false;
   std::vector<KMeans::Choice> found(model.size());

@@ -25,20 +25,23 @@ std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups);
 // Whether at least two Gaussians share a texture, in the mean, and not more textures are different than
 // kMostSharedTextures: what files hold once.
 bool areShared(std::span<const std::uint32_t> groups);
+// Whether two Gaussians with texels are of one group.
+bool shareTexels(const TextureAtlas& atlas, std::span<const std::uint32_t> groups);
 
 // Each group's texture once, that of its first Gaussian, where the rectangles of the whole group lie; in groups' order.
 TextureAtlas heldOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> groups);
 // For what only reads: that of textureGroups(), or nothing where they are not areShared().
 std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas);
 
+// What shareTextures() shares: squares of one size, of all Gaussians, or none at all. Throws Error(usage) for others.
+void requireShareable(const TextureAtlas& atlas);
 // Leaves at most `entries` (1 to kMostSharedTextures) different textures, by k-means over those that there are: squared
 // distances weighted with each texel's share in a texture's mean (core/model/atlas.h) and with [N] `weights` >= 0 of
 // the Gaussians. A texture lies on its Gaussian in eight ways, by the signs and the order of its axes, which change
 // nothing else: Gaussians are turned to the way that is nearest. `bit_cost` >= 0: each bit that a file needs to say
 // which texture a Gaussian has and how it lies, by how many others have the same, counts as that part of what a texture
 // changes in the mean of all Gaussians. The same seed gives the same result, with any number of threads. False, with
-// the model as it was, where `stop` was set meanwhile, which may be null. Throws Error(usage) for textures that are not
-// squares of one size; none at all are left as they are.
+// the model as it was, where `stop` was set meanwhile, which may be null. Throws what requireShareable() throws.
 bool shareTextures(GaussianModel& model, std::size_t entries, std::span<const double> weights, double bit_cost,
                    std::uint64_t seed, const std::atomic<bool>* stop = nullptr);
 

@@ -306,6 +306,14 @@ TEST_CASE("an existing model is kept unless --overwrite, and when writing fails"
     const std::string name = entry.path().filename().string();
     CHECK((name == "model.tgz" || name == "scene" || name == "log.txt"));
   }
+  // What a run folder holds goes when the new run can begin, not before.
+  REQUIRE(tgtrain(folder, "scene --run run -q" + kShort).code == 0);
+  const Outcome unfit =
+      tgtrain(folder, "scene --run run --overwrite --start-model run/model.tgz --compare-untextured" + kShort);
+  CHECK(unfit.code == 1);
+  CHECK_THAT(unfit.output, Contains("the start model has textures already"));
+  CHECK(std::filesystem::exists(folder / "run/model.tgz"));
+  fs::remove_all(folder / "run");
   SECTION("same seed, same bytes") {
     REQUIRE(tgtrain(folder, "scene -o model.tgz --overwrite --reproducible --threads 1 -q" + kShort).code == 0);
     CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);

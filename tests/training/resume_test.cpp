@@ -189,6 +189,8 @@ TEST_CASE("a run that was trained for a file goes on for that one alone", "[resu
   const std::string sized = "scene --iterations 20 --texture-mode none --run sized --resume -q -o c.sog --target-size ";
   REQUIRE(tgtrain(folder, sized + "9KB").code == 0);
   CHECK_THAT(tgtrain(folder, sized + "12KB").output, Contains("--target-size (expected 9000, found 12000)"));
+  CHECK_THAT(tgtrain(folder, "scene --iterations 20 --texture-mode none --run sized --resume -q").output,
+             Contains("--target-size (expected 9000, found none)"));
   CHECK(bytesOf(folder / "a.sog") == bytesOf(folder / "b.sog"));
 }
 

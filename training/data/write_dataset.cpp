@@ -60,7 +60,12 @@ bool writePhotograph(const fs::path& folder, const std::string& name, const Phot
   }
   createFolder((folder / "images" / name).parent_path());
   writeImage(folder / "images" / name, image);
-  if (pixels.mask.empty()) return false;
+  if (pixels.mask.empty()) {
+    // One of an earlier photograph would be found by its name.
+    std::error_code ignored;
+    for (const char* end : {"", ".png", ".mask.png"}) fs::remove(folder / "masks" / (name + end), ignored);
+    return false;
+  }
   Image mask(pixels.width, pixels.height, 1);
   std::ranges::transform(pixels.mask, mask.data.begin(), [](std::uint8_t value) { return value ? 1.0f : 0.0f; });
   createFolder((folder / "masks" / name).parent_path());
@@ -104,7 +109,7 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
                 std::string("holds ") + file + ", which this would not replace (expected another folder)");
   }
   if (!overwrite) {
-    for (const char* file : {"transforms.json", "transforms_train.json", "sparse", "images"}) {
+    for (const char* file : {"transforms.json", "transforms_train.json", "sparse", "images", "masks", "points3d.ply"}) {
       std::error_code ignored;  // what nobody may look into cannot be written either, which says so below
       if (!fs::exists(folder / file, ignored)) continue;
       throw Error(ErrorKind::cannotWrite, folder.string(),
@@ -141,6 +146,9 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
   if (!dataset.points.position.empty()) {
     json["ply_file_path"] = "points3d.ply";
     writePoints(folder / "points3d.ply", dataset.points);
+  } else {
+    std::error_code ignored;
+    fs::remove(folder / "points3d.ply", ignored);
   }
   writeTextAtomically(folder / "transforms.json", json.dump(1) + "\n");
 }

@@ -442,8 +442,8 @@ std::string exactText(Number value) {
 RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, const std::string& fingerprint,
                         const GaussianModel* start, const FlagTexts& quantized_for, const GaussianModel* context) {
   RunIdentity identity;
-  if (settings.quantize_iterations > 0) {  // these first: a size decides other settings
-    for (const auto& [name, value] : quantized_for) identity.settings += name + " " + value + "\n";
+  for (const auto& [name, value] : quantized_for) {  // these first: a size decides other settings
+    identity.settings += name + " " + (settings.quantize_iterations > 0 ? value : "none") + "\n";
   }
   for (const SettingEntry& entry : settingEntries()) identity.settings += entry.name + " " + entry.get(settings) + "\n";
   const auto fact = [&](const char* name, const std::string& value) {
@@ -458,7 +458,7 @@ RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, c
   fact("background", exactText(background.x) + "," + exactText(background.y) + "," + exactText(background.z));
   fact("random-background", dataset.random_background ? "on" : "off");
   fact("start-model", start ? modelFingerprint(*start) : "none");
-  if (context) fact("context", modelFingerprint(*context));
+  fact("context", context ? modelFingerprint(*context) : "none");
   fact("fingerprint", fingerprint);
   return identity;
 }

@@ -64,6 +64,14 @@ void copyTexels(const TextureAtlas& from, TextureAtlas& to) {
   }
 }
 
+bool countsFirst(const TrainSettings& settings) { return settings.percent > 0 && settings.default_gaussians == 0; }
+
+void requireSharing(bool shared, bool shares) {
+  if (!shared || shares) return;
+  throw Error(ErrorKind::usage,
+              "textures that Gaussians share are trained by one process (expected tgtrain without mpirun)");
+}
+
 double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }
 
 }  // namespace
@@ -73,40 +81,47 @@ int iterationsOf(const TrainSettings& settings, Stage stage) {
   return stage == Stage::textured || stage == Stage::untextured ? settings.texture_iterations : settings.iterations;
 }
 
-Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
-                 std::optional<GaussianModel> start)
-    : Trainer(dataset, settings, renderer, RunState{}) {
-  state_.default_gaussians = settings.default_gaussians;
-  state_.densify_random = stream(settings.seed, Stream::densify);
-  state_.report.extent = extent_;
-  const bool count_first = settings.percent > 0 && settings.default_gaussians == 0;
-  if (!start) {
-    begin(count_first ? Stage::count : Stage::plain, {});
-    return;
-  }
+void checkTrainable(const TrainSettings& settings, const GaussianModel* start, bool shares) {
+  checkSettings(settings);
+  requireSharing(settings.texture_dictionary > 0, shares);
+  if (start == nullptr) return;
   if (start->size() == 0) throw Error(ErrorKind::badData, "start model", "has no Gaussians");
-  const bool textured = start->texture_mode != TextureMode::none;
-  if (textured && start->outside == TextureOutside::edge) {
+  if (start->texture_mode == TextureMode::none) {
+    if (!countsFirst(settings)) return;
+    throw Error(ErrorKind::usage,
+                "a start model leaves nothing to count (expected --default-gaussians with --percent)");
+  }
+  if (start->outside == TextureOutside::edge) {
     throw Error(ErrorKind::usage,
                 "the start model has \"outside\": \"edge\", which has no gradient (expected \"base\" or \"clip\")");
-  }
-  setShDegree(*start, std::min(start->sh_degree, settings.sh_degree));
-  if (!textured) {
-    if (count_first) {
-      throw Error(ErrorKind::usage,
-                  "a start model leaves nothing to count (expected --default-gaussians with --percent)");
-    }
-    start->intersection = settings.intersection;
-    start->outside = TextureOutside::base;  // until there are textures
-    begin(Stage::plain, std::move(*start));
-    if (limit() > 0 && !swaps()) keepMostSeen(limit());
-    return;
   }
   if (settings.texture_mode == TextureMode::none || settings.compare_untextured ||
       settings.texture_init == TextureInit::paper) {
     throw Error(ErrorKind::usage,
                 "the start model has textures already: stage 2 goes on with them, and has no twin (expected a texture "
                 "mode, --texture-init neutral and no --compare-untextured)");
+  }
+  if (settings.texture_dictionary > 0) requireShareable(start->atlas);
+}
+
+Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
+                 std::optional<GaussianModel> start)
+    : Trainer(dataset, settings, renderer, RunState{}) {
+  state_.default_gaussians = settings.default_gaussians;
+  state_.densify_random = stream(settings.seed, Stream::densify);
+  state_.report.extent = extent_;
+  checkTrainable(settings, start ? &*start : nullptr, engine_->sharesTextures());
+  if (!start) {
+    begin(countsFirst(settings) ? Stage::count : Stage::plain, {});
+    return;
+  }
+  setShDegree(*start, std::min(start->sh_degree, settings.sh_degree));
+  if (start->texture_mode == TextureMode::none) {
+    start->intersection = settings.intersection;
+    start->outside = TextureOutside::base;  // until there are textures
+    begin(Stage::plain, std::move(*start));
+    if (limit() > 0 && !swaps()) keepMostSeen(limit());
+    return;
   }
   state_.report.initial_gaussians = start->size();
   begin(Stage::textured, std::move(*start));
@@ -127,7 +142,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       time_left_(settings_, schedule_,
                  static_cast<double>(trainingPixels(dataset)) /
                      static_cast<double>(std::max<std::size_t>(dataset.indices(false).size(), 1))) {
-  if (settings.texture_dictionary > 0) requireSharing();
+  requireSharing(settings.texture_dictionary > 0, engine_->sharesTextures());
   beginTimes();
   time_left_.resume(state_.iteration, state_.seconds, state_.training.model.size());
 }
@@ -312,15 +327,10 @@ void Trainer::findTextureGroups() {
   pull();
   if (!isTextured(state_.training.model)) return;
   std::vector<std::uint32_t> groups = textureGroups(state_.training.model.atlas);
-  if (!dictionary && !areShared(groups)) return;
-  requireSharing();
+  // Of a model whose textures were cut many have none, alike.
+  if (!dictionary && !(areShared(groups) && shareTexels(state_.training.model.atlas, groups))) return;
+  requireSharing(true, engine_->sharesTextures());
   texture_groups_ = std::move(groups);
-}
-
-void Trainer::requireSharing() const {
-  if (engine_->sharesTextures()) return;
-  throw Error(ErrorKind::usage,
-              "textures that Gaussians share are trained by one process (expected tgtrain without mpirun)");
 }
 
 // What has been merged starts with new moments, and all others with it: their first steps are larger, to settle into.

@@ -27,6 +27,10 @@ struct TrainResult {
 // Of a stage, as settings have it.
 int iterationsOf(const TrainSettings& settings, Stage stage);
 
+// What can be said of it before there are photographs. `shares`: as TrainingEngine::sharesTextures(). Throws what
+// Trainer's constructor throws of settings and a start model, which may be null.
+void checkTrainable(const TrainSettings& settings, const GaussianModel* start, bool shares);
+
 struct TrainProgress {
   Stage stage = Stage::plain;
   int iteration = 0;
@@ -103,7 +107,6 @@ class Trainer {
   // Where it is time for it; false: `stop` was set meanwhile, and nothing has changed.
   bool shareTextures(const std::atomic<bool>* stop);
   void findTextureGroups();
-  void requireSharing() const;  // throws Error(usage) where the engine cannot
   bool swaps() const;
   bool merges() const;
   void mergePairs();

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <string>
 
@@ -70,9 +69,7 @@ void addTextures(TrainingState& state, std::vector<TextureRect> rects, TextureMo
   TG_ASSERT(mode != TextureMode::none, "textures have a mode");
   GaussianModel& model = state.model;
   const std::size_t texels = texelCount(rects);
-  if (texels > std::numeric_limits<std::uint32_t>::max()) {
-    throw Error(ErrorKind::usage, "too many texels (expected below 2^32, found " + std::to_string(texels) + ")");
-  }
+  if (texels > kMaxModelTexels) throw Error(ErrorKind::usage, "too many texels" + atMost(kMaxModelTexels, texels));
   std::uint32_t offset = 0;
   for (TextureRect& rect : rects) {
     rect.offset = offset;

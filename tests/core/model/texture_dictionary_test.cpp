@@ -68,6 +68,12 @@ TEST_CASE("textures of one group are equal in every texel and in size", "[textur
   CHECK_FALSE(areShared({}));
   CHECK_FALSE(areShared(std::vector<std::uint32_t>{0, 1, 1}));
   CHECK(areShared(std::vector<std::uint32_t>{0, 1, 1, 0}));
+  // Textures that were cut: what has none shares none.
+  const TextureAtlas cut = {{{}, {}, {}, {}, {0, 1, 1}, {1, 1, 1}}, {glm::vec4(0.1f), glm::vec4(0.2f)}};
+  CHECK(areShared(textureGroups(cut)));
+  CHECK_FALSE(shareTexels(cut, textureGroups(cut)));
+  const TextureAtlas alike = {cut.rects, {glm::vec4(0.1f), glm::vec4(0.1f)}};
+  CHECK(shareTexels(alike, textureGroups(alike)));
 }
 
 TEST_CASE("what is shared is held once, where every rectangle that has it lies", "[textures]") {
@@ -190,6 +196,9 @@ TEST_CASE("only squares of one size can be shared", "[textures]") {
   const std::vector<double> weights(model.size(), 1.0);
   model.atlas.rects[1] = {model.atlas.rects[1].offset, 2, 1};
   CHECK_THROWS_WITH(shareTextures(model, 2, weights, 0.0, 1), Contains("(found 2 x 2 and 2 x 1 texels)"));
+  std::swap(model.atlas.rects[0], model.atlas.rects[1]);
+  CHECK_THROWS_WITH(requireShareable(model.atlas), Contains("squares of one size (found 2 x 1 texels)"));
+  std::swap(model.atlas.rects[0], model.atlas.rects[1]);
   model.atlas.rects[1] = {};
   CHECK_THROWS_WITH(shareTextures(model, 2, weights, 0.0, 1), Contains("(found some without)"));
   model.atlas = {};

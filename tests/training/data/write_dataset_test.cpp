@@ -118,3 +118,25 @@ TEST_CASE("a folder that holds a data set is not written over without being aske
   CHECK_THAT(write(false), Contains("4 ") && Contains("holds transforms.json already (add --overwrite"));
   CHECK(write(true) == "written");
 }
+
+TEST_CASE("of a data set that is replaced no masks and no points stay", "[dataset]") {
+  tg::TemporaryFolder folder;
+  tg::writeDataset(folder / "out", dataset(), false);
+  CHECK(fs::exists(folder / "out/masks/y.png"));
+  tg::Dataset bare = dataset();
+  bare.points = {};
+  std::vector<tg::Photograph> photographs;
+  for (std::size_t i = 0; i < 3; ++i) {
+    photographs.push_back(*bare.photographs->get(i));
+    photographs.back().pixels.mask.clear();
+  }
+  bare.photographs = tg::storeInMemory(std::move(photographs));
+  tg::writeDataset(folder / "out", bare, true);
+  CHECK_FALSE(fs::exists(folder / "out/masks/y.png"));
+  CHECK_FALSE(fs::exists(folder / "out/points3d.ply"));
+  for (const char* name : {"masks", "points3d.ply"}) {
+    tg::TemporaryFolder other;
+    fs::create_directories(other / name);
+    CHECK_THROWS_WITH(tg::writeDataset(other.path, bare, false), Contains(std::string("holds ") + name));
+  }
+}
