@@ -20,10 +20,12 @@
 namespace tg {
 namespace {
 
+// By content. What any archive or any JSON begins like counts by its name as well.
 bool isModel(const std::filesystem::path& path) {
   try {
-    detectFormat(path);
-    return true;
+    const Format& format = detectFormat(path);
+    const bool tells = format.name != "tgz" && format.name != "sog" && format.name != "gltf";
+    return tells || lowerCase(path.extension().string()) == "." + std::string(format.name);
   } catch (const Error&) {
     return false;
   }

@@ -42,8 +42,10 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
       own.edits.push_back({flag, value});
     }
     tg::ConvertReport report = tg::convert(input, output, own);
-    return ConvertReport{report.input_format, report.output_format, report.input_bytes,        report.output_bytes,
-                         report.gaussians,    report.textured_psnr, std::move(report.warnings)};
+    const std::optional<double> psnr = report.textured_psnr ? report.textured_psnr : report.base_psnr;
+    return ConvertReport{report.input_format,       report.output_format, report.input_bytes,
+                         report.output_bytes,       report.gaussians,     psnr,
+                         std::move(report.warnings)};
   });
 }
 

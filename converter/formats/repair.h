@@ -59,7 +59,9 @@ inline glm::vec3 withoutZeroScales(glm::vec3 log_scale) {
   }
   const float point = std::log(kPointScale);
   const float zero = smallest < kInfinity ? std::max(smallest + std::log(kZeroScaleFraction), point) : point;
-  for (int k = 0; k < 3; ++k) log_scale[k] = std::max(log_scale[k], zero);
+  for (int k = 0; k < 3; ++k) {
+    if (log_scale[k] == -kInfinity) log_scale[k] = zero;
+  }
   return log_scale;
 }
 

@@ -126,7 +126,18 @@ PackedView packMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, s
 std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, std::size_t stride,
                                         std::string_view mode, std::string_view filter, const std::string& path) {
   const auto fail = [&](const std::string& what) -> Error { return Error(ErrorKind::badData, path, what); };
-  if (mode != "ATTRIBUTES") throw fail("wrong \"mode\" for an attribute (expected \"ATTRIBUTES\")");
+  if (mode == "TRIANGLES" || mode == "INDICES") {  // of a mesh beside the splats
+    if (stride != 2 && stride != 4) throw fail("wrong \"byteStride\" of indices (expected 2 or 4)");
+    if (mode == "TRIANGLES" && count % 3 != 0) throw fail("wrong \"count\" of triangles' indices (expected N * 3)");
+    if (filter != "NONE") throw fail("a filter of indices (expected \"NONE\")");
+    std::vector<std::uint8_t> indices(count * stride);
+    const int code = mode == "TRIANGLES"
+                         ? meshopt_decodeIndexBuffer(indices.data(), count, stride, bytes.data(), bytes.size())
+                         : meshopt_decodeIndexSequence(indices.data(), count, stride, bytes.data(), bytes.size());
+    if (code != 0) throw fail("the packed stream is broken");
+    return indices;
+  }
+  if (mode != "ATTRIBUTES") throw fail("unknown \"mode\" (expected \"ATTRIBUTES\", \"TRIANGLES\" or \"INDICES\")");
   if (stride == 0 || stride % 4 != 0 || stride > 256) {
     throw fail("wrong \"byteStride\" (expected a multiple of 4 up to 256)");
   }

@@ -43,7 +43,8 @@ struct SplatInstance {
   SplatPrimitive splats;
   RigidScale place;
   int degree = 0;
-  bool linear = false;                  // its colours
+  bool linear = false;  // its colours
+  bool log_scales = false;
   std::optional<GaussianModel> packed;  // an SPZ's splats, which stand for the attributes
 };
 
@@ -173,6 +174,7 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
   std::vector<SplatInstance> instances;
   const tinygltf::Model& model = document.model;
   std::size_t total = 0;
+  if (model.scenes.size() > 1) document.warn("/scenes", "one scene is read, the default or first one");
   for (const PlacedNode& placed : nodes) {
     const int mesh = model.nodes[placed.node].mesh;
     if (mesh < 0) continue;
@@ -196,6 +198,9 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
         const bool bounded = !accessor.minValues.empty() && !accessor.maxValues.empty();
         if (!bounded && document.errors == nullptr) {  // tgconvert check has an error of its own for it
           document.warn(instance.splats.pointer + "/attributes/POSITION", "no min and max");
+        }
+        if (instance.splats.primitive->indices >= 0) {
+          document.warn(instance.splats.pointer + "/indices", "ignored: every splat is read");
         }
         instance.splats.count = accessor.count;
         total += accessor.count;
@@ -254,6 +259,32 @@ std::size_t blockOf(const GltfDocument& document, const SplatInstance& instance)
   return std::min(kInstanceBlock, instance.splats.count);
 }
 
+// Whether SCALE has logarithms, as the extension's first release candidate had them: of signed integers all, else where
+// half of the splats have one below 0, which no scale is.
+bool hasLogScales(const GltfDocument& document, const SplatInstance& instance) {
+  const auto& attributes = instance.splats.primitive->attributes;
+  const auto scale = attributes.find(splatName("SCALE"));
+  if (instance.packed || scale == attributes.end()) return false;
+  const int type = document.model.accessors[static_cast<std::size_t>(scale->second)].componentType;
+  if (type == TINYGLTF_COMPONENT_TYPE_BYTE || type == TINYGLTF_COMPONENT_TYPE_SHORT) return true;
+  if (type != TINYGLTF_COMPONENT_TYPE_FLOAT) return false;
+  std::size_t negative = 0;
+  const std::size_t block = blockOf(document, instance);
+  for (std::size_t first = 0; first < instance.splats.count; first += block) {
+    const SplatRange range{first, std::min(block, instance.splats.count - first)};
+    std::vector<float> scales;
+    try {
+      scales = readAttribute(document, instance.splats, {scale->first, 3, kFloat}, range);
+    } catch (const Error&) {  // which reading them says
+      return false;
+    }
+    for (std::size_t i = 0; i < range.count; ++i) {
+      negative += std::min({scales[3 * i], scales[3 * i + 1], scales[3 * i + 2]}) < 0.0f;
+    }
+  }
+  return negative > 0 && 2 * negative >= instance.splats.count;
+}
+
 BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance, SplatRange range) {
   if (instance.packed) return unpackedBase(*instance.packed);
   constexpr unsigned integers = kByte | kUnsignedByte | kShort | kUnsignedShort | kByteNormalized |
@@ -273,8 +304,10 @@ BaseArrays readBase(const GltfDocument& document, const SplatInstance& instance,
         document.model.accessors[splats.primitive->attributes.at(splatName("ROTATION"))].componentType ==
         TINYGLTF_COMPONENT_TYPE_BYTE;
   }
-  // Signed integers: the first release candidate asked for them, files remain.
   read(base.scale, {splatName("SCALE"), 3, kFloat | integers});
+  if (instance.log_scales) {
+    for (float& scale : base.scale) scale = std::exp(scale);
+  }
   read(base.opacity, {splatName("OPACITY"), 1, kFloat | kUnsignedByteNormalized | kUnsignedShortNormalized});
   const auto readIfThere = [&](std::vector<float>& to, const char* semantic, int components) {
     if (splats.has(semantic)) read(to, {semantic, components});
@@ -442,11 +475,19 @@ void readAssetExtras(GltfDocument& document, Bundle& loaded) {
   }
   if (!ours.Has("background")) return;
   const tinygltf::Value& background = ours.Get("background");
-  if (!background.IsArray() || background.ArrayLen() != 3) return;
-  for (int c = 0; c < 3; ++c) {
+  glm::vec3 color(0.0f);
+  bool known = background.IsArray() && background.ArrayLen() == 3;
+  for (int c = 0; known && c < 3; ++c) {
     const tinygltf::Value& number = background.Get(c);
-    if (number.IsNumber()) loaded.background[c] = static_cast<float>(number.GetNumberAsDouble());
+    if (number.IsNumber()) color[c] = static_cast<float>(number.GetNumberAsDouble());
+    known = number.IsNumber() && std::isfinite(color[c]);
   }
+  if (!known) {
+    document.warn("/asset/extras/" + std::string(kExtrasKey) + "/background",
+                  "ignored (expected three finite numbers)");
+    return;
+  }
+  loaded.background = color;
   loaded.knows_background = true;
 }
 
@@ -455,12 +496,18 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options) {
   document.warnings.clear();
   if (!options.base_only) checkExtensionPlaces(document);
   const std::vector<PlacedNode> nodes = placeNodes(document);
-  const std::vector<SplatInstance> instances = findSplats(document, nodes);
+  std::vector<SplatInstance> instances = findSplats(document, nodes);
 
   Bundle loaded;
   GaussianModel& model = loaded.model;
   readAssetExtras(document, loaded);
-  for (const SplatInstance& instance : instances) model.sh_degree = std::max(model.sh_degree, instance.degree);
+  for (SplatInstance& instance : instances) {
+    model.sh_degree = std::max(model.sh_degree, instance.degree);
+    instance.log_scales = hasLogScales(document, instance);
+    if (!instance.log_scales) continue;
+    document.warn(instance.splats.pointer + "/attributes/" + splatName("SCALE"),
+                  "logarithms, as the extension's first release candidate had them");
+  }
   bool textured = false;
   for (const SplatInstance& instance : instances) {
     std::optional<TextureLayer> layer;

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <queue>
 
 #include "converter/lod/lod_names.h"
@@ -85,6 +87,10 @@ class Parser {
     scene_.counts.assign(static_cast<std::size_t>(scene_.levels), 0);
     addNode(root.at("tree").object());
     if (scene_.leaves.empty()) root.fail("the tree has no leaves");
+    const auto held = std::accumulate(scene_.file_counts.begin(), scene_.file_counts.end(), std::uint64_t{0});
+    for (const std::uint64_t count : scene_.counts) {  // else a small file is a large model
+      if (count > held) root.fail("ranges of Gaussians overlap" + atMost(held, count));
+    }
     scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
     if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
   }
@@ -135,7 +141,8 @@ class Parser {
     scene_.texture_mode = named<TextureMode>(own, "texture_mode");
     scene_.intersection = named<IntersectionModel>(own, "intersection");
     scene_.outside = named<TextureOutside>(own, "outside");
-    const auto background = own.numbers<3>("background", 0.0, 1.0);
+    const auto background =
+        own.numbers<3>("background", -std::numeric_limits<float>::max(), std::numeric_limits<float>::max());
     for (int c = 0; c < 3; ++c) scene_.background[c] = static_cast<float>(background[c]);
     if (own.has("cameras")) scene_.cameras = insideName(own, own.string("cameras"));
   }

@@ -79,6 +79,11 @@ void orderAlongCurve(std::span<const glm::vec3> places, std::span<std::uint32_t>
   std::ranges::copy(ordered, part.begin());
 }
 
+Box reached(const Box& box) {
+  const glm::vec3 most(kFarthest);
+  return {glm::clamp(box.low, -most, most), glm::clamp(box.high, -most, most)};
+}
+
 // To 3 sigma along the world's axes.
 Box boundOf(const GaussianModel& model) {
   Box bound{model.mean[0], model.mean[0]};
@@ -87,8 +92,7 @@ Box boundOf(const GaussianModel& model) {
     const glm::vec3 reach(3.0 * glm::sqrt(glm::dvec3(covariance[0][0], covariance[1][1], covariance[2][2])));
     bound = around(bound, {model.mean[i] - reach, model.mean[i] + reach});
   }
-  const glm::vec3 most(kFarthest);
-  return {glm::max(bound.low, -most), glm::min(bound.high, most)};
+  return reached(bound);
 }
 
 // [levels][leaves]
@@ -266,6 +270,8 @@ class Writer {
       if (!source_.cameras.empty()) add(folder.path() / "cameras.json", formatCameras(source_.cameras));
       const std::string name = folder.settle();
       const std::string meta = dumpJson(metaOf(counts, name));
+      // What is there goes for what can be read.
+      (void)parseLodScene({reinterpret_cast<const std::uint8_t*>(meta.data()), meta.size()}, path_.string());
       writeTextAtomically(path_, meta);
       folder.keep();
       bytes_ += meta.size();
@@ -357,7 +363,7 @@ class Writer {
     if (node.leaf >= 0) {
       const Leaf& leaf = tree_.leaves[static_cast<std::size_t>(node.leaf)];
       bound = leaf.bound;
-      json[lod::kMeans] = jsonOf(leaf.means);
+      json[lod::kMeans] = jsonOf(reached(leaf.means));
       Json& lods = json["lods"] = Json::object();
       for (std::size_t level = 0; level < leaf.ranges.size(); ++level) {
         const LodRange& range = leaf.ranges[level];

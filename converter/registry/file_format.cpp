@@ -142,6 +142,12 @@ void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& op
 }
 
 // The finest level.
+// Keys may be sorted, and names of files fill the start.
+bool isLevels(const FileStart& start) {
+  const bool named = start.holds("\"filenames\"") && !start.holds("\"accessors\"");
+  return isJson(start) && (start.holds("\"lodLevels\"") || named);
+}
+
 Bundle readLevels(const Path& path, const ReadOptions& options) {
   const LodScene scene = readLodScene(path);
   const LodReader reader = lodFolderReader(path);
@@ -156,6 +162,7 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
   if (options.base_only) loaded.model = bakeFallback(loaded.model, FallbackScale::fitted);
   loaded.cameras = readLodCameras(scene, reader);
   loaded.background = scene.background;
+  loaded.knows_background = scene.sh_degree.has_value();  // where it is of ours
   if (scene.has_environment) loaded.warnings.push_back("\"environment\" is left out");
   return checked(std::move(loaded), path);
 }
@@ -263,7 +270,7 @@ constexpr Format kFormats[] = {
      .spoken = "lod-meta.json",
      .title = "lod-meta.json",
      .keeps = kKeepsTextures | kKeepsCameras | kKeepsSh | kKeepsBackground,
-     .sniff = [](const FileStart& start) { return isJson(start) && start.holds("\"lodLevels\""); },
+     .sniff = isLevels,
      .read = readLevels,
      .write = writeLevels,
      .overlooked = findBrokenLevels,

@@ -142,7 +142,7 @@ class BundleReader {
   }
 
   [[noreturn]] void fail(const std::string& what) const { throw Error(ErrorKind::badData, path_, what); }
-  void warn(const std::string& what) { bundle_.warnings.push_back(path_ + ": " + what); }
+  void warn(const std::string& what) { bundle_.warnings.push_back(what); }
   std::string inside(const std::string& name) const { return path_ + "/" + name; }
 
   // Exceptions must not cross libarchive's C frames: kept here, rethrown by checkArchive.

@@ -345,6 +345,8 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
   CHECK(report.output_bytes == std::filesystem::file_size(folder / "a.glb"));
   REQUIRE(report.psnr);
   CHECK(*report.psnr > 40);
+  const ConvertReport plain = convert(kSample, folder / "plain.ply", {.measure = true});
+  CHECK(plain.psnr.has_value());
   CHECK_THAT(messageOf([&] { convert(kSample, folder / "a.glb"); }, ErrorKind::cannotWrite),
              Contains("a.glb: exists already"));
   CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"shrink", "2"}}}); }, ErrorKind::usage) ==

@@ -56,7 +56,7 @@ TEST_CASE("quantised and interleaved attributes are read as their floats") {
       CHECK(opacityOf(sixteen, i) == Approx(static_cast<double>(i * 5000) / 65535.0).epsilon(1e-5));
     }
   }
-  SECTION("SCALE in every integer form, signed ones of early files too") {
+  SECTION("SCALE in every integer form, logarithms of early files too") {
     const auto check = [&](auto one, int component_type, bool normalized, double expected) {
       using T = decltype(one);
       const std::size_t stride = (3 * sizeof(T) + 3) / 4 * 4 / sizeof(T);
@@ -69,8 +69,26 @@ TEST_CASE("quantised and interleaved attributes are read as their floats") {
     check(std::uint8_t{51}, 5121, true, 0.2);
     check(std::uint16_t{300}, 5123, false, 300.0);
     check(std::uint16_t{13107}, 5123, true, 0.2);
-    check(std::int8_t{127}, 5120, true, 1.0);
-    check(std::int16_t{-3}, 5122, false, 3.0);
+    check(std::int8_t{127}, 5120, true, std::exp(1.0));
+    check(std::int16_t{-3}, 5122, false, std::exp(-3.0));
+    // As floats: no scale is below 0, logarithms mostly are.
+    std::vector<float> logs(n * 3);
+    for (std::size_t i = 0; i < logs.size(); ++i) logs[i] = plain.log_scale[i / 3][static_cast<int>(i % 3)];
+    logs[0] = 0.5f;
+    for (std::size_t i = 3; i < logs.size(); ++i) logs[i] = std::min(logs[i], -0.5f);
+    glb.setAttribute(kKhr + "SCALE", logs, 5126, "VEC3", false, n);
+    const Bundle early = readModel(scratch.write("q.glb", glb.bytes()), {.base_only = true});
+    for (std::size_t i = 0; i < n; ++i) {
+      glm::vec3 expected(logs[3 * i], logs[3 * i + 1], logs[3 * i + 2]);
+      CHECK(glm::length(early.model.log_scale[i] - expected) < 1e-5f);
+    }
+    REQUIRE(early.warnings.size() == 1);
+    CHECK_THAT(early.warnings.front(), Contains("SCALE: logarithms"));
+    // One sign that went wrong is none.
+    std::vector<float> scales(n * 3, 0.25f);
+    scales[0] = -0.25f;
+    glb.setAttribute(kKhr + "SCALE", scales, 5126, "VEC3", false, n);
+    for (const glm::vec3& s : read().log_scale) CHECK(s.x == Approx(std::log(0.25)).margin(1e-6));
   }
   SECTION("ROTATION in 8 and 16 bit") {
     glb.setAttribute(kKhr + "ROTATION", std::vector<std::int8_t>(n * 4, 64), 5120, "VEC4", true, n);

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "converter/edit/quality.h"
 #include "converter/lod/coarser.h"
+#include "converter/lod/lod_names.h"
 #include "converter/lod/lod_scenes.h"
 #include "converter/lod/write_lod.h"
 #include "converter/registry/file_format.h"
@@ -82,6 +84,27 @@ TEST_CASE("levels of detail: level 0 of one leaf has the numbers of a plain SOG"
     CHECK(out.background == in.background);
     CHECK(out.format == "lod-meta.json");
   }
+}
+
+TEST_CASE("levels of detail: a bright background and a mean beyond all others are read again") {
+  const Scratch scratch;
+  Bundle in = trained(300, false);
+  in.background = glm::vec3(1.5f, -0.25f, 0.0f);
+  in.model.mean[7] = glm::vec3(0.0f, 2e30f, 0.0f);
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  writeLod(path, in);
+  const Bundle out = readModel(path);
+  CHECK(out.model.size() == in.model.size());
+  CHECK(out.background == in.background);
+  CHECK(out.knows_background);
+  // Keys in order, and names before the levels.
+  nlohmann::json meta = nlohmann::json::parse(readFile(path, 1 << 20));
+  meta.erase(lod::kOwn);
+  for (int k = 0; k < 300; ++k) meta["filenames"].push_back("unused/number_" + std::to_string(k) + "/meta.json");
+  scratch.write("lod-meta.json", meta.dump());
+  const Bundle foreign = readModel(path);
+  CHECK(foreign.model.size() == in.model.size());
+  CHECK_FALSE(foreign.knows_background);
 }
 
 TEST_CASE("levels of detail: every leaf is in every level, with a quarter of the Gaussians of the one before") {

@@ -92,6 +92,10 @@ TEST_CASE("levels of detail: a hostile lod-meta.json is refused in words") {
   says(refusal([](Json& meta) { firstLeaf(meta)["lods"]["0"] = {{"file", 0}, {"offset", 63'999'999}, {"count", 2}}; }),
        "count");
   says(refusal([](Json& meta) { firstLeaf(meta)["lods"]["0"] = 7; }), "lods");
+  says(refusal([](Json& meta) {
+         for (int k = 0; k < 3; ++k) meta["tree"]["children"].push_back(firstLeaf(meta));
+       }),
+       "overlap");
   says(refusal([](Json& meta) { firstLeaf(meta).erase("bound"); }), "bound");
   says(refusal([](Json& meta) { firstLeaf(meta)["bound"]["min"] = {0, 0}; }), "min");
   says(refusal([](Json& meta) { firstLeaf(meta)["bound"]["min"][1] = 9; }), "min is beyond max");

@@ -318,7 +318,7 @@ TEST_CASE("bytes after the gzip stream are ignored with a warning") {
   writeQuickly(archive.file, bytes);
   const tg::Bundle bundle = tg::readBundle(archive.file);
   REQUIRE(bundle.warnings.size() == 1);
-  REQUIRE_THAT(bundle.warnings[0], Contains("a.tgz: ignored bytes after the end"));
+  REQUIRE_THAT(bundle.warnings[0], Catch::Matchers::StartsWith("ignored bytes after the end"));
 }
 
 TEST_CASE("files that are no gzip, empty files and folders are refused") {
