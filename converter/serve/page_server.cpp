@@ -12,6 +12,7 @@
 #include <limits>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <thread>
 #include <utility>
 
@@ -315,7 +316,7 @@ class PageServer::Pages {
       rows.push_back({line.stage, line.iteration, numberOrNull(line.loss, 6), numberOrNull(line.train_psnr, 3),
                       numberOrNull(line.test_psnr, 3), line.gaussians});
     }
-    nlohmann::ordered_json json = {{"format", "tg-page"}, {"version", 1}, {"title", title_}};
+    nlohmann::ordered_json json = {{"format", "tg-page"}, {"version", 1}, {"title", title_}, {"start", start_}};
     json["run"] = now.status ? nlohmann::ordered_json::parse(formatStatus(*now.status)) : nullptr;
     json["metrics"] = {{"generation", now.generation}, {"from", first}, {"rows", std::move(rows)}};
     json["model"] = now.model_number;
@@ -326,6 +327,7 @@ class PageServer::Pages {
 
   const ServeOptions options_;
   const std::string title_;
+  const std::uint32_t start_ = std::random_device{}();  // numbers begin again with the next one
   mutable std::mutex mutex_;  // guards the two below, which many threads read: no mailbox lets them
   Shown shown_;
   std::uint64_t changes_ = 0;

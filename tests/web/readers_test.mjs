@@ -66,6 +66,15 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
   for (const key of ['mean', 'rotation', 'scale', 'opacity']) expect(key, equal(two[key], model[key]));
   expect('sh', two.sh.length === model.sh.length && two.sh.every((band, k) => equal(band, model.sh[k])));
   for (const key of ['rects', 'opacity', 'dc']) expect(`${key} of the textures`, equal(two.layer[key], model.layer[key]));
+  // Strides that no file has: a small one would stand for gigabytes.
+  const view = gltf.bufferViews[gltf.accessors[first.attributes.POSITION].bufferView], {byteStride} = view;
+  for (const stride of [1e-9, -12, 3, 12.5, '12']) {
+    view.byteStride = stride;
+    const said = await readModel(fileOf([first, second])).then(() => 'read', (error) => error.message);
+    expect(`a stride of ${stride}`, said.endsWith(': bad byteStride'), said);
+  }
+  if (byteStride === undefined) delete view.byteStride;
+  else view.byteStride = byteStride;
   // A scale to use with the textures: any accessor of its type.
   const other = 'KHR_gaussian_splatting:SH_DEGREE_0_COEF_0', own = 'TG_gaussian_splatting_texture:SCALE';
   for (const {attributes} of [first, second]) attributes[own] = attributes[other];

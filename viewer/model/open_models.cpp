@@ -344,7 +344,7 @@ void OpenModels::firstView(ViewerState& state) {
   state.display.settings.background = backgroundOf(state.scene);  // a part may not have known it
   if (opened_any_) return;
   if (options_.camera.empty() || (state.scene.partial && state.scene.cameras.empty())) return;
-  setCamera(state, cameraOf(options_.camera, state.scene.cameras, "--camera"));
+  goToCamera(state, options_.camera, "--camera");
 }
 
 // A model of the data set of the one that was left for it is looked at from where that was.

@@ -112,7 +112,7 @@ void bookmarkSection(ViewerState& state) {
   if (segment("Add", false, 0, 3)) attempt(state, [&] { addBookmark(state); });
   hint("The view at hand (Shift+B); B goes through them");
   ImGui::BeginDisabled(camera.bookmarks.empty());
-  if (segment("Save##bookmarks", false, 1, 3)) {
+  if (segment("Save##bookmarks", false, 1, 3) && mayReplace(state, file, "bookmarks")) {
     attempt(state, [&] {
       saveBookmarks(state, file);
       noteBookmarksKept(state);

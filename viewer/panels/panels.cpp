@@ -65,6 +65,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_MenuBar);
   ImGui::PopStyleVar();
+  pushNoTabStop();  // the key is that of textures
   panelMenu(state);
   documentsSection(state);
   modelSection(state);
@@ -111,6 +112,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   ImGui::EndDisabled();
   ImGui::EndChild();
   edge(state);
+  popNoTabStop();
   ImGui::End();
 }
 

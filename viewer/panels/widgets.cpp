@@ -106,7 +106,9 @@ void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text
 
 std::string cutMiddle(const std::string& text, float room) {
   if (ImGui::CalcTextSize(text.c_str()).x <= room) return text;
-  const auto begins = [&](std::size_t at) { return (static_cast<unsigned char>(text[at]) & 0xC0) != 0x80; };  // of UTF-8
+  const auto begins = [&](std::size_t at) {
+    return (static_cast<unsigned char>(text[at]) & 0xC0) != 0x80;
+  };  // of UTF-8
   std::string cut = "...";
   std::size_t left = 0, right = text.size();
   while (left < right) {
@@ -123,14 +125,29 @@ std::string cutMiddle(const std::string& text, float room) {
   return cut;
 }
 
+void pushNoTabStop() {
+#if IMGUI_VERSION_NUM < 18940
+  ImGui::PushAllowKeyboardFocus(false);
+#else
+  ImGui::PushTabStop(false);
+#endif
+}
+
+void popNoTabStop() {
+#if IMGUI_VERSION_NUM < 18940
+  ImGui::PopAllowKeyboardFocus();
+#else
+  ImGui::PopTabStop();
+#endif
+}
+
 bool enterPressed() {
 #if IMGUI_VERSION_NUM < 18700
   constexpr ImGuiKey kOnKeypad = ImGuiKey_KeyPadEnter;
 #else
   constexpr ImGuiKey kOnKeypad = ImGuiKey_KeypadEnter;
 #endif
-  return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) ||
-         ImGui::IsKeyPressed(ImGui::GetKeyIndex(kOnKeypad));
+  return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) || ImGui::IsKeyPressed(ImGui::GetKeyIndex(kOnKeypad));
 }
 
 std::string grouped(std::size_t value) {

@@ -18,6 +18,10 @@ constexpr ImGuiWindowFlags kOverlay = ImGuiWindowFlags_NoTitleBar | ImGuiWindowF
                                       ImGuiWindowFlags_NoMove | ImGuiWindowFlags_AlwaysAutoResize |
                                       ImGuiWindowFlags_NoSavedSettings;
 
+// Between them no widget takes the Tab key.
+void pushNoTabStop();
+void popNoTabStop();
+
 void heading(const char* text);
 // The tooltip of the widget before.
 void hint(const char* text);

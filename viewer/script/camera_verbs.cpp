@@ -17,7 +17,7 @@ constexpr std::array kCameraVerbs = {
            c.state.camera.lens.fov_y = std::clamp(c.number(0) * kDegrees, kMinFov, kMaxFov);
            c.state.camera.index = -1;
          }},
-    Verb{"camera", 1, 0, [](const Call& c) { setCamera(c.state, cameraOf(c[0], c.state.scene.cameras, c.what)); }},
+    Verb{"camera", 1, 0, [](const Call& c) { goToCamera(c.state, c[0], c.what); }},
     Verb{"orbit", 2, 0,
          [](const Call& c) {
            orbit(c.state.camera.pose, c.number(0) * kDegrees, c.number(1) * kDegrees);

@@ -45,6 +45,7 @@ void removeBookmark(ViewerState& state, std::size_t index) {
 void goToBookmark(ViewerState& state, std::size_t index) {
   TG_ASSERT(index < state.camera.bookmarks.size(), "there is this bookmark");
   setCamera(state, state.camera.bookmarks.at(index));
+  state.path.playing = false;
   state.camera.bookmark = static_cast<int>(index);
 }
 

@@ -326,6 +326,9 @@ void appendKey(CameraPath& path, PathKey key, double seconds) {
     throw Error(ErrorKind::usage, "the path is full (expected at most " + std::to_string(kMaxPathKeys) + " keys)");
   }
   key.time = path.keys.empty() ? 0.0 : path.keys.back().time + std::max(seconds, kLeastKeySeconds);
+  if (key.time > kMaxPathSeconds) {
+    throw Error(ErrorKind::usage, "the path is too long (expected its last key within 86400 s)");
+  }
   path.keys.push_back(key);
 }
 
@@ -348,7 +351,8 @@ void setKeySeconds(CameraPath& path, std::size_t index, double seconds) {
     path.closing = seconds <= 0 ? 0.0 : std::max(seconds, kLeastKeySeconds);
     return;
   }
-  const double change = std::max(seconds, kLeastKeySeconds) - keySeconds(path, index);
+  const double change =
+      std::min(std::max(seconds, kLeastKeySeconds) - keySeconds(path, index), kMaxPathSeconds - path.keys.back().time);
   for (std::size_t i = index + 1; i < path.keys.size(); ++i) path.keys[i].time += change;
 }
 

@@ -13,7 +13,6 @@
 #include "converter/registry/file_format.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
-#include "core/system/lower_case.h"
 
 namespace tg {
 namespace {
@@ -202,7 +201,11 @@ bool holdsModel(const std::filesystem::path& file, const Scene& scene) {
       (format.holds(kKeepsViews) || scene.views.empty())) {
     return true;
   }
-  return lowerExtension(file) == lowerExtension(scene.path);
+  try {
+    return &format == &modelFormat(scene.path);
+  } catch (const Error&) {  // what is read but not written
+    return false;
+  }
 }
 
 std::filesystem::path saveTarget(const ViewerState& state) {

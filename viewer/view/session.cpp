@@ -144,4 +144,23 @@ void keepBookmarks(Session& session, const std::filesystem::path& model, std::ve
   if (session.bookmarks.size() > kMaxBookmarkedModels) session.bookmarks.resize(kMaxBookmarkedModels);
 }
 
+Session withOthers(Session own, const Session& before, const Session& now) {
+  const auto holds = [](const std::vector<std::string>& paths, const std::string& path) {
+    return std::ranges::find(paths, path) != paths.end();
+  };
+  for (const std::string& path : now.recent) {
+    if (!holds(before.recent, path) && !holds(own.recent, path)) own.recent.push_back(path);
+  }
+  if (own.recent.size() > kMaxRecentFiles) own.recent.resize(kMaxRecentFiles);
+  std::erase_if(own.bookmarks, [&](const ModelBookmarks& entry) {
+    return entry.cameras == bookmarksOf(before, entry.model) && entry.cameras != bookmarksOf(now, entry.model);
+  });
+  for (const ModelBookmarks& entry : now.bookmarks) {
+    const bool changed = entry.cameras != bookmarksOf(before, entry.model);
+    if (changed && bookmarksOf(own, entry.model).empty()) own.bookmarks.push_back(entry);
+  }
+  if (own.bookmarks.size() > kMaxBookmarkedModels) own.bookmarks.resize(kMaxBookmarkedModels);
+  return own;
+}
+
 }  // namespace tg

@@ -8,7 +8,9 @@
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "viewer/view/inspection.h"
+#include "viewer/view/parse.h"
 
 namespace tg {
 namespace {
@@ -77,7 +79,9 @@ void setScene(ViewerState& state, Scene scene) {
   state.history = {};
   state.camera.bookmarks.clear();
   state.camera.bookmark = -1;
+  const bool playing = state.path.playing;  // along the new model
   resetView(state);
+  state.path.playing = playing;
 }
 
 void replaceScene(ViewerState& state, Scene scene) {
@@ -92,6 +96,14 @@ void goToCamera(ViewerState& state, int index) {
   TG_ASSERT(index >= 0 && static_cast<std::size_t>(index) < state.scene.cameras.size(), "the model has this camera");
   setCamera(state, state.scene.cameras.at(index));
   state.camera.index = index;
+  state.path.playing = false;
+}
+
+void goToCamera(ViewerState& state, const std::string& text, const std::string& what) {
+  const Camera camera = cameraOf(text, state.scene.cameras, what);
+  if (const auto index = parseWhole<int>(text)) return goToCamera(state, *index);
+  setCamera(state, camera);
+  state.path.playing = false;
 }
 
 void replaceCameras(ViewerState& state, std::vector<Camera> cameras) {
@@ -134,6 +146,7 @@ void attempt(ViewerState& state, const std::function<void()>& action) {
 void resetView(ViewerState& state) {
   const int start = startCamera(state.scene.cameras);
   if (start >= 0) return goToCamera(state, start);
+  state.path.playing = false;
   state.camera.lens = {};
   state.camera.pose = startPose(upOf(state), state.scene.bounds, state.camera.lens, state.camera.aspect);
   state.camera.index = -1;

@@ -194,6 +194,9 @@ void replaceScene(ViewerState& state, Scene scene);
 // Back to the first view: the start camera, or all of the model.
 void resetView(ViewerState& state);
 void goToCamera(ViewerState& state, int index);
+// The model's camera of that number, or a cameras.json's first. `what` names it in errors. Throws what cameraOf()
+// throws.
+void goToCamera(ViewerState& state, const std::string& text, const std::string& what);
 // The cameras of a file instead of those of the model shown, at least one; to the first of them, as in resetView().
 void replaceCameras(ViewerState& state, std::vector<Camera> cameras);
 void setCamera(ViewerState& state, const Camera& camera);  // any pose and lens, from a file for example

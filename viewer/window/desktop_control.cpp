@@ -71,6 +71,7 @@ void pasteCamera(ViewerState& state, GLFWwindow* window) {
   const std::vector<Camera> cameras = parseCameras(copied, "clipboard");
   if (cameras.empty()) throw Error(ErrorKind::badData, "clipboard: no camera inside (expected at least 1, found 0)");
   setCamera(state, cameras.front());
+  state.path.playing = false;
 }
 
 }  // namespace

@@ -58,7 +58,8 @@ void WindowSession::keep(const ViewerState& state, glm::ivec2 window) {
   session.speed = state.camera.speed;
   session.fly = state.camera.fly;
   try {
-    saveSession(session, options_.session);
+    const LoadedSession now = loadSession(options_.session);
+    saveSession(now.problem.empty() ? withOthers(session, before_, now.session) : session, options_.session);
   } catch (const Error& error) {
     std::fprintf(stderr, "tgview: %s\n", error.what());  // the work is done: no reason to fail
   }

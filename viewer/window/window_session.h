@@ -26,6 +26,7 @@ class WindowSession {
  private:
   const ViewOptions options_;
   LoadedSession loaded_;
+  const Session before_ = loaded_.session;
 };
 
 }  // namespace tg

@@ -69,6 +69,8 @@ class GlbFile {
     const {bytes, stride: given} = await this.viewBytes(accessor.bufferView);
     const size = component.array.BYTES_PER_ELEMENT;
     const offset = accessor.byteOffset || 0, stride = given || size * width;
+    if (!(Number.isInteger(offset) && offset >= 0)) throw new Error(`${where}: bad byteOffset`);
+    if (!(Number.isInteger(stride) && stride >= size * width)) throw new Error(`${where}: bad byteStride`);
     if (offset + (count - 1) * stride + size * width > bytes.length) throw new Error(`${where}: leaves its bufferView`);
     const start = bytes.byteOffset + offset;
     if (component.array === Float32Array && stride === 4 * width && start % 4 === 0) {

@@ -97,7 +97,8 @@ async function fetchCameras({scene, address, folder}, signal) {
 export async function readLod(address, bytes, options) {
   const {signal = new AbortController().signal, splatBudget = SPLAT_BUDGET} = options;
   const scene = await parseLodMeta(bytes);
-  const stream = new LodStream(scene, address, splatBudget);
+  const budget = Number.isInteger(splatBudget) && splatBudget > 0 ? splatBudget : SPLAT_BUDGET;
+  const stream = new LodStream(scene, address, budget);
   const both = [stream.loadCoarsest(signal), fetchCameras(stream, signal)];
   const [{chunks, errors}, {cameras, notes: said}] = await Promise.all(both);
   if (chunks.length === 0) throw errors[0];

@@ -99,18 +99,23 @@ async function readPayload() {
 // Another file dropped on the page. A broken one is reported and leaves the old model.
 function listenToDrops(viewer, panel) {
   addEventListener('dragover', (event) => event.preventDefault());
+  let drops = 0;
   addEventListener('drop', async (event) => {
     event.preventDefault();
     const [file] = event.dataTransfer.files;
     if (!file) return;
+    const own = ++drops;
     showMessage('');
     try {
-      await viewer.open(await readModel(new Uint8Array(await file.arrayBuffer())));
+      const model = await readModel(new Uint8Array(await file.arrayBuffer()));
+      if (own !== drops) return;  // a later one is wanted
+      await viewer.open(model);
+      if (own !== drops) return;
       showMessage(viewer.model.notes.join(' '), true);
       panel.name = file.name;
       panel.fill();
     } catch (error) {
-      showMessage(`${file.name}: ${error.message}`);
+      if (own === drops) showMessage(`${file.name}: ${error.message}`);
     }
   });
 }

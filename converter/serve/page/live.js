@@ -170,9 +170,12 @@ async function startLive() {
     following = false;
     window.__shown = model.number;
   };
+  let start = null;
   const once = async () => {
     const state = await (await ask(run.question)).json();
     answered = performance.now();
+    if (start !== null && state.start !== start) location.reload();  // another program, with numbers of its own
+    start = state.start;
     if (!state.run) document.title = state.title;
     run.update(state);
     await run.pictures(state.held_out);

@@ -251,3 +251,12 @@ TEST_CASE("edits keep the order of the keys and the first at 0") {
   CHECK(path.closing == 0);
   CHECK(keySeconds(path, 2) == 0);
 }
+
+TEST_CASE("a path stays as short as its file may be") {
+  test::Random random(27);
+  CameraPath path = randomPath(random, 3, 0);
+  setKeySeconds(path, 0, 1e9);
+  CHECK(path.keys.back().time == Approx(kMaxPathSeconds));
+  CHECK_THROWS_WITH(appendKey(path, path.keys.back(), 1), Contains("too long"));
+  CHECK(parsePath(formatPath(path), "p").keys.size() == 3);
+}

@@ -143,6 +143,31 @@ TEST_CASE("bookmarks belong to their model, those of the models used last are ke
   CHECK(bookmarksOf(session, "/m/20").empty());
 }
 
+TEST_CASE("of two windows neither takes what the other has kept") {
+  const Camera one = lookAt({1, 2, 3}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48);
+  const Camera two = lookAt({3, 2, 1}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48);
+  Session before;
+  keepBookmarks(before, "/m/both", {one});
+  keepBookmarks(before, "/m/gone", {one});
+  noteRecent(before, "/m/old");
+  Session now = before, own = before;
+  keepBookmarks(now, "/m/theirs", {two});  // the other window's
+  keepBookmarks(now, "/m/both", {two});
+  keepBookmarks(now, "/m/gone", {});
+  noteRecent(now, "/m/theirs");
+  keepBookmarks(own, "/m/ours", {one});
+  own.recent = {"/m/ours"};  // the list was cleared first
+  Session both = withOthers(own, before, now);
+  CHECK(bookmarksOf(both, "/m/theirs") == std::vector<Camera>{two});
+  CHECK(bookmarksOf(both, "/m/ours") == std::vector<Camera>{one});
+  CHECK(bookmarksOf(both, "/m/both") == std::vector<Camera>{two});
+  CHECK(bookmarksOf(both, "/m/gone").empty());
+  CHECK(both.recent == std::vector<std::string>{"/m/ours", "/m/theirs"});
+  keepBookmarks(own, "/m/both", {one, two});  // both have changed it: this window's
+  both = withOthers(own, before, now);
+  CHECK(bookmarksOf(both, "/m/both") == std::vector<Camera>{one, two});
+}
+
 TEST_CASE("a session's name without a folder is one of the working folder") {
   const TemporaryFolder folder;
   const std::filesystem::path before = std::filesystem::current_path();

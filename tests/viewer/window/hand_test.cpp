@@ -99,6 +99,18 @@ TEST_CASE("buttons of one page that have one label are clicked each", "[window]"
   CHECK_FALSE(std::filesystem::exists(shop / "model-camera-001.json"));
 }
 
+TEST_CASE("Tab after a click in the panel goes to no slider, where the next key would go", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::playByHand(shop,
+                   "panel on\nsize " + kHigh + "\nwindow begin.png\n" + seen("clicked") + seen("typed") +
+                       "picture typed.png\noutput normal\npicture normal.png\n",
+                   "reached begin.png\nclick 108 260\nseen clicked\nxdotool keydown Tab\nsleep 1\nxdotool keyup Tab\n"
+                   "key 6\nsleep 0.3\nseen typed\n");
+  CHECK(psnr(shop.read("typed.png"), shop.read("normal.png")) > 60);
+}
+
 TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
