@@ -110,17 +110,20 @@ void PictureRuns::begin(const ViewerState& state, glm::ivec2 area) {
 void PictureRuns::end(ViewerState& state, const std::string& notice) {
   run_.reset();
   awaited_.reset();
+  look_.reset();
   state.record.wanted = false;
   if (!notice.empty() && !scripted_) notify(state, notice);
 }
 
-std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view) {
+std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view, bool streamed) {
   TG_ASSERT(run_, "a run is active");
   if (awaited_) return std::nullopt;
   const Camera* camera = run_->due();
   if (!camera) return std::nullopt;
-  awaited_ = view;
+  if (!look_) look_ = view;
+  awaited_ = *look_;
   awaited_->camera = *camera;
+  if (streamed) awaited_->model = view.model;
   awaited_->other.reset();
   return awaited_;
 }

@@ -41,9 +41,9 @@ class PictureRuns {
   // Once a frame. `area`: of the picture [px]. True when a run has ended: what was asked for last is no longer wanted.
   // Throws Error with a script or a benchmark.
   bool update(ViewerState& state, glm::ivec2 area);
-  // The picture that the run waits for, once for each: `view` with the run's camera. None: it is on its way, or none is
-  // due.
-  std::optional<PictureRequest> due(const PictureRequest& view);
+  // The picture that the run waits for, once for each: the run's first `view` with the run's camera, and, where the
+  // model is `streamed`, with the levels of `view`. None: it is on its way, or none is due.
+  std::optional<PictureRequest> due(const PictureRequest& view, bool streamed);
   // Whether the picture was made for the run, which takes it; `read` fetches its pixels.
   bool take(ViewerState& state, const Picture& picture, const std::function<Image()>& read);
   // The picture on its way will not come, but may be asked for again.
@@ -60,6 +60,7 @@ class PictureRuns {
   const bool scripted_;
   std::unique_ptr<PictureRun> run_;
   std::optional<PictureRequest> awaited_;
+  std::optional<PictureRequest> look_;  // model, settings and output of all its pictures
 };
 
 }  // namespace tg

@@ -563,11 +563,12 @@ void Viewer::askForPicture(bool moving) {
     return;
   }
   if (runs_.active()) {
-    if (state_.scene.streamed_from > 0) {
+    const bool streamed = state_.scene.streamed_from > 0;
+    if (streamed) {
       const Camera* next = runs_.next();
       if (!next || !state_.stream.settled || static_cast<const Pinhole&>(*next) != state_.stream.camera) return;
     }
-    if (const auto due = runs_.due(request(pictureArea().size))) ask(*due);
+    if (const auto due = runs_.due(request(pictureArea().size), streamed)) ask(*due);
     return;
   }
   glm::ivec2 size = wantedSize();

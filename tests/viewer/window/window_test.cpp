@@ -366,7 +366,7 @@ TEST_CASE("a recording in the window is the recording without one, and can be ca
     test::writeSample(shop / "model.tgz");
     play(shop,
          "camera 1\nadd-key\norbit 40 10\nadd-key\nsave-path path.json\ntab path\nrecord-size 90x60\nrecord-fps 2\n"
-         "record window/##.png\nwindow during.png\nawait-recording\n"
+         "record window/##.png\nwindow during.png\noutput normal\nawait-recording\noutput final\n"
          "record-fps 1000\nrecord cancelled/####.png\nwait 100\ncancel-recording\nwait 2\npicture after.png\n"
          "record closed/####.png\nwait 2\nclose-document 0\nawait-recording\n",
          "240x180", backend);
