@@ -196,8 +196,7 @@ constexpr std::array kBindings = {
                "Save the picture as PNG",
                [](S& s) { s.capture.picture = freeName(stemOf(s), ".png"); },
                {},
-               Menu::file,
-               true},
+               Menu::file, true},
     KeyBinding{kControl | 'P', false, "Ctrl+P", "Save the picture as", ask<FileUse::savePicture>, {}, Menu::file},
     KeyBinding{'P', true, "Shift+P", "Save the whole window as PNG", saveWindow, {}, Menu::file},
     KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera, {}, Menu::file, true},
@@ -243,8 +242,7 @@ constexpr std::array kBindings = {
     KeyBinding{'O', false, "O", "Order: global / per pixel", nullptr, "sort", Menu::view},
     KeyBinding{'Y', false, "Y", "Texture filter: bilinear / footprint", nullptr, "texture-filter", Menu::view},
     KeyBinding{'Y', true, "Shift+Y", "Antialiasing: off / screen", nullptr, "antialiasing", Menu::view},
-    KeyBinding{
-        'J', false, "J", "Crop box on / off", [](S& s) { s.display.crop = !s.display.crop; }, {}, Menu::view, true},
+    KeyBinding{'J', false, "J", "Crop box on / off", [](S& s) { s.display.crop = !s.display.crop; }, {}, Menu::view, true},
     KeyBinding{'V', false, "V", "Compare: side, wipe, flicker, ...", cycleCompare, {}, Menu::view, true},
     KeyBinding{'V', true, "Shift+V", "Flicker: show the other one", showOther, {}, Menu::view},
     KeyBinding{'M', false, "M", "A click inspects its pixel", toggleInspecting, {}, Menu::view},
@@ -282,7 +280,13 @@ constexpr std::array kBindings = {
     KeyBinding{
         'K', false, "K", "Key frame of the path here", [](S& s) { attempt(s, [&s] { addKey(s); }); }, {}, Menu::path},
     KeyBinding{'L', false, "L", "Play or pause the path", togglePlaying, {}, Menu::path},
-    KeyBinding{'R', true, "Shift+R", "Record path or turntable; cancel", toggleRecording, {}, Menu::path},
+    KeyBinding{'R',
+               true,
+               "Shift+R",
+               "Record path or turntable; cancel",
+               toggleRecording,
+               {},
+               Menu::path},
     KeyBinding{'/', true, "? or F1", "Keys and mouse", toggleHelp, {}, Menu::help},
     KeyBinding{kKeyF1, false, "", "", toggleHelp},
     KeyBinding{kKeyEscape, false, "Esc", "Close this, put the tool down, stop what goes on; twice: quit", escape},
@@ -358,7 +362,6 @@ void stepCamera(ViewerState& state, int step) {
 void frameScene(ViewerState& state) {
   frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds);
   state.camera.index = -1;
-  state.path.playing = false;
 }
 
 void saveCamera(ViewerState& state) { state.capture.camera = freeName(stemOf(state) + "-camera", ".json"); }
