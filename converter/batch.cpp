@@ -20,12 +20,11 @@
 namespace tg {
 namespace {
 
-// By content. What any archive or any JSON begins like counts by its name as well.
+// By content, and where that tells too little by name as well.
 bool isModel(const std::filesystem::path& path) {
   try {
     const Format& format = detectFormat(path);
-    const bool tells = format.name != "tgz" && format.name != "sog" && format.name != "gltf";
-    return tells || lowerCase(path.extension().string()) == "." + std::string(format.name);
+    return !format.is_common || lowerExtension(path) == "." + std::string(format.name);
   } catch (const Error&) {
     return false;
   }

@@ -97,7 +97,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
     if (photos->count("--frames") > 0 && fs::is_directory(photos_options.dataset, ignored)) {
       throw tg::Error(tg::ErrorKind::usage, "--frames expects a film (" + photos_options.dataset + " is a folder)");
     }
-    tg::warnIdleSettings(*photos, photos_options);
+    tg::warnIdleSettings(photos_options);
     return runPhotos(photos_flags, photos_options);
   }
   CLI::App app("Trains a textured Gaussian model from photographs with known cameras.", "tgtrain");
@@ -142,7 +142,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
     const std::optional<int> code = tg::parseCommandLine(app, argc, argv);
     if (!code && app.get_subcommands().empty()) {
       tg::refuseIdleFlags(app, options);
-      if (!together || together->isFirst()) tg::warnIdleSettings(app, options);
+      if (!together || together->isFirst()) tg::warnIdleSettings(options);
     }
     return code;
   });

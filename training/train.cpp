@@ -85,18 +85,6 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
   });
 }
 
-// Flags of stage 1, which a start model with textures is past.
-void warnOfStage1(const TrainFlags& options) {
-  std::string flags;
-  for (const auto& [entry, value] : options.chosen) {
-    const bool by_flag = !value.empty() && (!options.from_file || options.by_flag.contains(entry));
-    const bool is_of_stage_1 = (entry->name == "iterations" && value != "0") || entry->name.starts_with("densif");
-    if (by_flag && is_of_stage_1) flags += (flags.empty() ? "--" : ", --") + entry->name;
-  }
-  if (flags.empty()) return;
-  std::fprintf(stderr, "tgtrain: %s: does nothing with a start model that has textures\n", flags.c_str());
-}
-
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md,
 // docs/lab/quality.md): SH degree 1, and no textures where neither a flag nor the start model speaks of them; where one
 // does, textures that Gaussians share, if these can be trained (`shares`). A start model keeps its SH degree, one with
@@ -372,7 +360,11 @@ int train(const TrainFlags& options, Processes* together) {
       for (const std::string& warning : start_bundle->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
     }
     start_model = std::move(start_bundle->model);
-    if (isTextured(*start_model)) warnOfStage1(options);
+    if (isTextured(*start_model)) {  // which is past stage 1
+      warnIdle(options, "a start model that has textures", [&](const SettingEntry& entry) {
+        return (entry.name == "iterations" && settingsOf(options).iterations > 0) || entry.name.starts_with("densif");
+      });
+    }
     start_bundle.reset();
   }
   TrainSettings settings = settingsOf(options);

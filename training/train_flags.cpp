@@ -164,20 +164,21 @@ void refuseIdleFlags(const CLI::App& app, const TrainFlags& options) {
   for (const char* flag : {"--metrics-every", "--eval-every"}) refuse(flag, "--run FOLDER or --serve");
 }
 
-void warnIdleSettings(const CLI::App& app, const TrainFlags& options) {
+void warnIdle(const TrainFlags& options, const std::string& why, const std::function<bool(const SettingEntry&)>& idle) {
+  std::string flags;
+  for (const auto& [entry, value] : options.chosen) {
+    if (value.empty() || !idle(*entry) || (options.from_file && !options.by_flag.contains(entry))) continue;
+    flags += (flags.empty() ? "--" : ", --") + entry->name;
+  }
+  if (!flags.empty()) std::fprintf(stderr, "tgtrain: %s: does nothing with %s\n", flags.c_str(), why.c_str());
+}
+
+void warnIdleSettings(const TrainFlags& options) {
   if (options.print_config || options.dataset.empty()) return;
   const TrainSettings settings = settingsOf(options);
   const bool by_adc = settings.densification == Densification::adc;
   const bool textured = settings.texture_mode != TextureMode::none && settings.texture_iterations > 0;
-  const auto warn = [&](const std::string& why, const auto& idle) {
-    std::string flags;
-    for (const SettingEntry& entry : settingEntries()) {
-      if (app.count("--" + entry.name) == 0 || !idle(entry)) continue;
-      if (options.from_file && !options.by_flag.contains(&entry)) continue;
-      flags += (flags.empty() ? "--" : ", --") + entry.name;
-    }
-    if (!flags.empty()) std::fprintf(stderr, "tgtrain: %s: does nothing with %s\n", flags.c_str(), why.c_str());
-  };
+  const auto warn = [&](const std::string& why, const auto& idle) { warnIdle(options, why, idle); };
   const auto is_of_stage_2 = [](const SettingEntry& entry) {
     const std::string_view name = entry.name;
     const bool is_of_stage = name == "texture-mode" || name == "texture-iterations";
@@ -189,15 +190,17 @@ void warnIdleSettings(const CLI::App& app, const TrainFlags& options) {
     warn(none ? "--texture-mode none" : "--texture-iterations 0", is_of_stage_2);
   }
   if (!options.start_model.empty()) {
-    warn("--start-model", [](const auto& entry) { return entry.name == "start" || entry.name == "init-count"; });
+    warn("--start-model",
+         [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
   }
   if (!by_adc) {
     const std::string densification(name(settings.densification));
-    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("adc: "); });
+    warn("--densification " + densification, [](const SettingEntry& entry) { return entry.help.starts_with("adc: "); });
   }
   if (settings.densification != Densification::mcmc) {
     const std::string densification(name(settings.densification));
-    warn("--densification " + densification, [](const auto& entry) { return entry.help.starts_with("mcmc: "); });
+    warn("--densification " + densification,
+         [](const SettingEntry& entry) { return entry.help.starts_with("mcmc: "); });
   }
 }
 

@@ -141,13 +141,13 @@ void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& op
                {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)});
 }
 
-// The finest level.
 // Keys may be sorted, and names of files fill the start.
 bool isLevels(const FileStart& start) {
   const bool named = start.holds("\"filenames\"") && !start.holds("\"accessors\"");
   return isJson(start) && (start.holds("\"lodLevels\"") || named);
 }
 
+// The finest level.
 Bundle readLevels(const Path& path, const ReadOptions& options) {
   const LodScene scene = readLodScene(path);
   const LodReader reader = lodFolderReader(path);
@@ -224,7 +224,8 @@ constexpr Format kFormats[] = {
      .keeps = kKeepsAll - kKeepsViews,
      .sniff = [](const FileStart& start) { return start.begins("\x1f\x8b") && !isSpz(start); },
      .read = [](const Path& path, const ReadOptions& options) { return readBundle(path, {}, options.progress); },
-     .write = [](const Path& path, const Bundle& source, const WriteOptions&, Written&) { writeBundle(path, source); }},
+     .write = [](const Path& path, const Bundle& source, const WriteOptions&, Written&) { writeBundle(path, source); },
+     .is_common = true},
     {.name = "ply",
      .spoken = "ply",
      .title = "PLY",
@@ -265,7 +266,8 @@ constexpr Format kFormats[] = {
      .read = [](const Path& path, const ReadOptions& options) { return readSog(path, options.base_only); },
      .write = writeOrdered,
      .has_base = true,
-     .has_steps = true},
+     .has_steps = true,
+     .is_common = true},
     {.name = kLodMetaName,
      .spoken = "lod-meta.json",
      .title = "lod-meta.json",
@@ -301,7 +303,8 @@ constexpr Format kFormats[] = {
      .is_gltf = true,
      .has_base = true,
      .has_steps = true,
-     .streams = true},
+     .streams = true,
+     .is_common = true},
     {.name = "html",
      .spoken = "our html",
      .keeps = kKeepsAll,

@@ -77,6 +77,7 @@ struct Format {
   bool has_base = false;    // beside the textures, for readers that know none
   bool has_steps = false;   // WriteOptions::steps make it smaller and coarser
   bool streams = false;     // written from Gaussians that are not in memory as a whole
+  bool is_common = false;   // other files begin like it, too: any archive, any JSON
   bool whole_name = false;  // `name` is how a file's name ends, without a dot before it; its folder holds the rest
 
   bool holds(Keeps what) const { return (keeps & what) != 0; }

@@ -254,6 +254,8 @@ TEST_CASE("tgconvert turns a folder of models into another, and says which faile
     writeSplatPly(scratch.folder() / "in" / (std::to_string(seed) + ".ply"), model);
   }
   scratch.write("in/readme.txt", "no model");
+  scratch.write("in/notes.json", "{\"a\": 1}");  // what a .gltf may begin like, and a .sog
+  scratch.write("in/papers.zip", "PK\3\4");
   std::filesystem::create_symlink("circle.ply", scratch.folder() / "in" / "circle.ply");
   const Result good = tgconvert(scratch, "in out --to glb --keep 'index < 10'");
   CHECK(good.code == 0);

@@ -236,6 +236,21 @@ TEST_CASE("integers and packed attributes cost what they are said to cost") {
   CHECK(refused([](auto& view, Glb&) { view["buffer"] = 1; }).find(place + "the packed bytes are in no file") == 0);
 }
 
+TEST_CASE("a mesh's packed indices are unpacked beside the splats") {
+  if (!hasMeshopt()) return;
+  // A sequence: its head, 0 and twice 1 more than the last (in steps of 4), its tail.
+  const std::vector<std::uint8_t> packed = {0xd1, 0, 4, 4, 0, 0, 0, 0};
+  const auto unpack = [&](std::size_t count, std::size_t stride, const char* mode, const char* filter) {
+    return unpackMeshopt(packed, count, stride, mode, filter, "p");
+  };
+  CHECK(unpack(3, 2, "INDICES", "NONE") == std::vector<std::uint8_t>{0, 0, 1, 0, 2, 0});
+  CHECK_THROWS_WITH(unpack(30, 2, "INDICES", "NONE"), "p: the packed stream is broken");
+  CHECK_THROWS_WITH(unpack(3, 2, "TRIANGLES", "NONE"), "p: the packed stream is broken");
+  CHECK_THROWS_WITH(unpack(4, 2, "TRIANGLES", "NONE"), Contains("expected N * 3"));
+  CHECK_THROWS_WITH(unpack(3, 3, "INDICES", "NONE"), Contains("expected 2 or 4"));
+  CHECK_THROWS_WITH(unpack(3, 2, "INDICES", "EXPONENTIAL"), Contains("a filter of indices"));
+}
+
 TEST_CASE("a .gltf with its files is the model of the GLB, and reads nothing but files beside it") {
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(SceneKind::mixed, 55, 60);

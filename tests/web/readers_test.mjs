@@ -75,6 +75,21 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
   }
   if (byteStride === undefined) delete view.byteStride;
   else view.byteStride = byteStride;
+  // Logarithms of the first release candidate: where half of the splats have one below 0.
+  const kept = [first, second].map(({attributes}) => attributes['KHR_gaussian_splatting:SCALE']);
+  for (const {attributes} of [first, second]) attributes['KHR_gaussian_splatting:SCALE'] = attributes.POSITION;
+  const early = await readModel(fileOf([first, second]));
+  let noted = 0;
+  for (const [from, to] of [[0, cut], [cut, model.count]]) {
+    const own = [...early.mean.subarray(3 * from, 3 * to)];
+    const below = own.filter((x, k) => k % 3 === 0 && Math.min(x, own[k + 1], own[k + 2]) < 0).length;
+    const logarithms = 2 * below >= to - from, right = logarithms ? own.map((x) => Math.fround(Math.exp(x))) : own;
+    noted += logarithms;
+    expect(`scales ${from} to ${to}`, equal(early.scale.subarray(3 * from, 3 * to), right));
+  }
+  expect('logarithms are told', noted > 0 && early.notes.length === noted && early.notes[0].includes('logarithms'),
+         early.notes);
+  [first, second].forEach(({attributes}, k) => attributes['KHR_gaussian_splatting:SCALE'] = kept[k]);
   // A scale to use with the textures: any accessor of its type.
   const other = 'KHR_gaussian_splatting:SH_DEGREE_0_COEF_0', own = 'TG_gaussian_splatting_texture:SCALE';
   for (const {attributes} of [first, second]) attributes[own] = attributes[other];

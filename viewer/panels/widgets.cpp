@@ -106,9 +106,7 @@ void clippedText(ImVec2 corner, float room, ImU32 color, const std::string& text
 
 std::string cutMiddle(const std::string& text, float room) {
   if (ImGui::CalcTextSize(text.c_str()).x <= room) return text;
-  const auto begins = [&](std::size_t at) {
-    return (static_cast<unsigned char>(text[at]) & 0xC0) != 0x80;
-  };  // of UTF-8
+  const auto begins = [&](std::size_t at) { return (static_cast<unsigned char>(text[at]) & 0xC0) != 0x80; };  // of UTF-8
   std::string cut = "...";
   std::size_t left = 0, right = text.size();
   while (left < right) {
@@ -147,7 +145,8 @@ bool enterPressed() {
 #else
   constexpr ImGuiKey kOnKeypad = ImGuiKey_KeypadEnter;
 #endif
-  return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) || ImGui::IsKeyPressed(ImGui::GetKeyIndex(kOnKeypad));
+  return ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter)) ||
+         ImGui::IsKeyPressed(ImGui::GetKeyIndex(kOnKeypad));
 }
 
 std::string grouped(std::size_t value) {

@@ -362,6 +362,7 @@ void stepCamera(ViewerState& state, int step) {
 void frameScene(ViewerState& state) {
   frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds);
   state.camera.index = -1;
+  state.path.playing = false;
 }
 
 void saveCamera(ViewerState& state) { state.capture.camera = freeName(stemOf(state) + "-camera", ".json"); }

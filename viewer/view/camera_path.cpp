@@ -13,6 +13,7 @@
 #include "core/file/json.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
@@ -327,7 +328,8 @@ void appendKey(CameraPath& path, PathKey key, double seconds) {
   }
   key.time = path.keys.empty() ? 0.0 : path.keys.back().time + std::max(seconds, kLeastKeySeconds);
   if (key.time > kMaxPathSeconds) {
-    throw Error(ErrorKind::usage, "the path is too long (expected its last key within 86400 s)");
+    throw Error(ErrorKind::usage,
+                formatted("the path is too long (expected its last key within %.0f s)", kMaxPathSeconds));
   }
   path.keys.push_back(key);
 }

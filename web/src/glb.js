@@ -279,6 +279,16 @@ function readCameras(file, parents) {
   return cameras.filter(Boolean);
 }
 
+// SCALE of a primitive, which the extension's first release candidate had as logarithms: of signed integers all, else
+// where half of the splats have one below 0. Null where they are none.
+function fromLogarithms(scale, componentType) {
+  let negative = 0;
+  for (let i = 0; i < scale.length; i += 3) negative += Math.min(scale[i], scale[i + 1], scale[i + 2]) < 0;
+  const signed = componentType === 5120 || componentType === 5122;
+  const floats = componentType === 5126 && negative > 0 && 6 * negative >= scale.length;
+  return signed || floats ? scale.map(Math.exp) : null;
+}
+
 const isColor = (value) => Array.isArray(value) && value.length === 3 && value.every((c) => c >= 0 && c <= 1);
 
 // {count, mean, rotation (xyzw), scale, opacity, sh: [coefficient], layer or null, cameras, views: cameras that somebody
@@ -303,16 +313,27 @@ export async function readGlb(bytes) {
     }
     return join(parts);
   };
+  const notes = [];
+  const scales = async () => {
+    const parts = [];
+    for (const [k, primitive] of primitives.entries()) {
+      const index = attributeOf(primitive, `${SPLATS}:SCALE`), stored = await file.accessor(index, 3, counts[k]);
+      const scale = fromLogarithms(stored, file.list('accessors')[index].componentType);
+      if (scale) notes.push('SCALE are logarithms, as the first release candidate of the extension had them.');
+      parts.push(scale || stored);
+    }
+    return join(parts);
+  };
   const own = (name, width) => all(`${SPLATS}:${name}`, width);
   const extras = (file.json.asset && file.json.asset.extras && file.json.asset.extras[OURS]) || {};
   const views = Array.isArray(extras.views) ? extras.views : [];
   const model = {
     count, mean: await all('POSITION', 3),
-    rotation: await own('ROTATION', 4), scale: await own('SCALE', 3), opacity: await own('OPACITY', 1),
+    rotation: await own('ROTATION', 4), scale: await scales(), opacity: await own('OPACITY', 1),
     sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file, parents),
     views: views.map((view) => readCamera(Object(view), {}, Object(view))).filter(Boolean),
     background: isColor(extras.background) ? extras.background : [0, 0, 0],
-    intersection: INTERSECTIONS[extras.intersection] ?? 1, outside: OUTSIDES[extras.outside] ?? 0, notes: [],
+    intersection: INTERSECTIONS[extras.intersection] ?? 1, outside: OUTSIDES[extras.outside] ?? 0, notes,
   };
   for (let l = 1; l <= 3; ++l) {
     if (primitives.every(({attributes}) => attributes[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined)) break;

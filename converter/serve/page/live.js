@@ -174,7 +174,10 @@ async function startLive() {
   const once = async () => {
     const state = await (await ask(run.question)).json();
     answered = performance.now();
-    if (start !== null && state.start !== start) location.reload();  // another program, with numbers of its own
+    if (start !== null && state.start !== start) {  // another program, with numbers of its own
+      location.reload();
+      return;
+    }
     start = state.start;
     if (!state.run) document.title = state.title;
     run.update(state);

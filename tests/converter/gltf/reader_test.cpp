@@ -90,6 +90,15 @@ TEST_CASE("quantised and interleaved attributes are read as their floats") {
     glb.setAttribute(kKhr + "SCALE", scales, 5126, "VEC3", false, n);
     for (const glm::vec3& s : read().log_scale) CHECK(s.x == Approx(std::log(0.25)).margin(1e-6));
   }
+  SECTION("a background that is none is told, and is not known") {
+    nlohmann::json& extras = glb.json["asset"]["extras"]["textured_gaussians"];
+    extras["background"] = {1e300, 0, 0};
+    const Bundle infinite = readModel(scratch.write("q.glb", glb.bytes()), {.base_only = true});
+    CHECK_FALSE(infinite.knows_background);
+    CHECK(infinite.background == glm::vec3(0.0f));
+    REQUIRE(infinite.warnings.size() == 1);
+    CHECK_THAT(infinite.warnings.front(), Contains("background: ignored"));
+  }
   SECTION("ROTATION in 8 and 16 bit") {
     glb.setAttribute(kKhr + "ROTATION", std::vector<std::int8_t>(n * 4, 64), 5120, "VEC4", true, n);
     const GaussianModel eight = read();

@@ -142,6 +142,23 @@ TEST_CASE("playing goes through the keys and stops at the end, input takes over"
   CHECK_FALSE(state.path.playing);
 }
 
+TEST_CASE("whoever goes to a camera, a bookmark or all of the model ends a path that plays") {
+  ViewerState state;
+  Scene scene;
+  scene.cameras.resize(2);
+  for (Camera& camera : scene.cameras) camera = lookAt({0, 0, -3}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48);
+  setScene(state, scene);
+  state.camera.bookmarks = {scene.cameras[0]};
+  for (const std::function<void()>& go : std::vector<std::function<void()>>{
+           [&] { goToCamera(state, 1); }, [&] { goToCamera(state, "1", "--camera"); }, [&] { goToBookmark(state, 0); },
+           [&] { frameScene(state); }, [&] { resetView(state); }}) {
+    state.path.playing = true;
+    go();
+    CHECK_FALSE(state.path.playing);
+  }
+  CHECK(state.camera.index == 0);
+}
+
 TEST_CASE("a closed path plays on, seeking shows the view of the recording") {
   ViewerState state = stateWithPath();
   changeKeySeconds(state, 2, 1);
