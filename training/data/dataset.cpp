@@ -168,14 +168,35 @@ void findMasks(const fs::path& folder, const std::string& images, MaskMeaning me
   }
 }
 
+// The camera of a photograph of width x height pixels, before it is downscaled.
+Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
+  Camera camera = entry.camera;
+  if (camera.size.x == 0) {
+    camera = intrinsicsOf(entry, camera, {width, height});
+  } else if (camera.size != glm::ivec2(width, height)) {
+    camera = resized(camera, width, height);
+  }
+  checkCamera(entry.image, camera);
+  return camera;
+}
+
+Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int height) {
+  return {entry.lens, cameraOf(entry, width, height), entry.image.string()};
+}
+
+PhotographSource sourceOf(const DatasetIndex::Entry& entry, int downscale) {
+  PhotographSource source{.image = entry.image, .mask = entry.mask, .downscale = downscale};
+  if (!entry.lens.isPinhole()) source.undistortion = [entry](int w, int h) { return undistortionOf(entry, w, h); };
+  return source;
+}
+
 // Photographs of which every pixel is hidden show nothing: a film with masks of something that comes late has them.
-// Undistorting moves pixels: then only masks of nothing but zeros.
 void leaveOutHidden(const fs::path& place, bool only_test, int downscale, DatasetIndex& index,
                     std::vector<std::string>& notes) {
   std::vector<std::uint8_t> hidden(index.entries.size(), 0);
   parallelFor(hidden.size(), 1, [&](std::size_t i) {
     const DatasetIndex::Entry& entry = index.entries[i];
-    hidden[i] = !entry.mask.empty() && hidesAll(entry.mask, entry.lens.isPinhole() ? downscale : 1);
+    hidden[i] = !entry.mask.empty() && hidesAll(sourceOf(entry, downscale));
   });
   const auto first = std::ranges::find(hidden, 1);
   if (first == hidden.end()) return;
@@ -235,18 +256,6 @@ PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std:
   return std::move(index.points);
 }
 
-// The camera of a photograph of width x height pixels, before it is downscaled.
-Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
-  Camera camera = entry.camera;
-  if (camera.size.x == 0) {
-    camera = intrinsicsOf(entry, camera, {width, height});
-  } else if (camera.size != glm::ivec2(width, height)) {
-    camera = resized(camera, width, height);
-  }
-  checkCamera(entry.image, camera);
-  return camera;
-}
-
 void noteLenses(const DatasetIndex& index, Dataset& dataset) {
   const auto bent = [](const DatasetIndex::Entry& entry) { return !entry.lens.isPinhole(); };
   const auto count = std::ranges::count_if(index.entries, bent);
@@ -256,10 +265,6 @@ void noteLenses(const DatasetIndex& index, Dataset& dataset) {
   dataset.notes.push_back(std::to_string(count) + " of " + std::to_string(index.entries.size()) +
                           " photographs are undistorted as they are read (the first: " + first->lens.model + ", to " +
                           std::to_string(camera.size.x) + " x " + std::to_string(camera.size.y) + ")");
-}
-
-Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int height) {
-  return {entry.lens, cameraOf(entry, width, height), entry.image.string()};
 }
 
 // Whether a photograph and its camera have sides in the same proportion, but for a reduced one's rounding.
@@ -273,13 +278,9 @@ bool sameShape(const Camera& camera, int width, int height) {
 void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOptions& options, Dataset& dataset) {
   std::vector<PhotographSource> sources;
   for (const DatasetIndex::Entry& entry : index.entries) {
-    PhotographSource& source = sources.emplace_back();
-    source.image = entry.image;
-    source.mask = entry.mask;
+    PhotographSource& source = sources.emplace_back(sourceOf(entry, downscale));
     source.mask_meaning = options.masks;
-    source.downscale = downscale;
     if (!dataset.random_background) source.background = dataset.background;
-    if (!entry.lens.isPinhole()) source.undistortion = [entry](int w, int h) { return undistortionOf(entry, w, h); };
   }
   const std::int64_t count = static_cast<std::int64_t>(sources.size());
   dataset.views.resize(sources.size());

@@ -106,24 +106,15 @@ Image cutOut(const Image& image, const std::vector<std::uint8_t>& mask) {
   return result;
 }
 
-}  // namespace
+// A mask that shows less than this part of a photograph may show none of it once it is reduced or moved by a lens.
+constexpr std::size_t kSliver = 16;
 
-Image ViewPixels::image() const {
-  TG_ASSERT(rgb.size() == 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
-            "three bytes a pixel");
-  Image result(width, height, 3);
-  for (std::size_t i = 0; i < rgb.size(); ++i) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
-  return result;
+bool hidesAll(const std::vector<std::uint8_t>& mask) {
+  return !mask.empty() && std::ranges::find(mask, 255) == mask.end();
 }
 
-bool hidesAll(const std::filesystem::path& mask, int downscale) {
-  const Image image = readImage(mask);
-  if (image.width < downscale || image.height < downscale) return false;
-  const std::vector<std::uint8_t> own = maskOf(image, image.width, image.height, downscale);
-  return std::ranges::find(own, 255) == own.end();
-}
-
-Photograph decodePhotograph(const PhotographSource& source) {
+// With its mask, whatever that hides.
+Photograph decode(const PhotographSource& source) {
   Image image = readImage(source.image);
   Photograph photograph;
   photograph.file_width = image.width;
@@ -148,15 +139,6 @@ Photograph decodePhotograph(const PhotographSource& source) {
   } else if (hides) {
     mask = readMask(source.mask, image.width, image.height, source.downscale);
   }
-  if (!mask.empty()) {
-    const bool all = std::ranges::find(mask, 0) == mask.end();
-    const bool none = std::ranges::find(mask, 255) == mask.end();
-    if (none) {
-      throw Error(ErrorKind::badData, (hides ? source.mask : source.image).string(),
-                  "the mask hides every pixel (0 hides)");
-    }
-    if (all && !hides) mask = {};
-  }
   if (source.downscale > 1) image = downsample(image, source.downscale);
 
   ViewPixels& pixels = photograph.pixels;
@@ -177,6 +159,39 @@ Photograph decodePhotograph(const PhotographSource& source) {
     }
     if (!photograph.alpha.empty()) photograph.alpha[i] = quantize(alpha);
   }
+  return photograph;
+}
+
+}  // namespace
+
+Image ViewPixels::image() const {
+  TG_ASSERT(rgb.size() == 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
+            "three bytes a pixel");
+  Image result(width, height, 3);
+  for (std::size_t i = 0; i < rgb.size(); ++i) result.data[i] = static_cast<float>(rgb[i]) / 255.0f;
+  return result;
+}
+
+bool hidesAll(const PhotographSource& source) {
+  const Image mask = readImage(source.mask);
+  const int downscale = source.undistortion ? 1 : source.downscale;
+  if (mask.width < downscale || mask.height < downscale) return false;
+  const std::vector<std::uint8_t> own = maskOf(mask, mask.width, mask.height, downscale);
+  const std::size_t shown = static_cast<std::size_t>(std::ranges::count(own, 255));
+  if (shown == 0 || shown > own.size() / kSliver) return shown == 0;
+  return hidesAll(decode(source).pixels.mask);
+}
+
+Photograph decodePhotograph(const PhotographSource& source) {
+  Photograph photograph = decode(source);
+  std::vector<std::uint8_t>& mask = photograph.pixels.mask;
+  const bool hides = !source.mask.empty() && source.mask_meaning == MaskMeaning::hidden;
+  if (hidesAll(mask)) {
+    throw Error(ErrorKind::badData, (hides ? source.mask : source.image).string(),
+                "the mask hides every pixel (0 hides)");
+  }
+  const bool all = std::ranges::find(mask, 0) == mask.end();
+  if (all && !hides) mask = {};
   return photograph;
 }
 

@@ -55,9 +55,10 @@ struct PhotographSource {
 // one box of the filter, and what Undistortion throws. A mask may be larger than the image.
 Photograph decodePhotograph(const PhotographSource& source);
 
-// Whether a mask hides every pixel of its photograph at 1 / downscale of the size; of a mask that is larger than its
-// photograph, and where a lens is taken out, some that do are not found. Throws Error(cannotRead / badData).
-bool hidesAll(const std::filesystem::path& mask, int downscale);
+// Whether the mask, which there is, hides every pixel of its photograph as that is trained; where the mask is larger
+// than its photograph or a lens is taken out, those that show more than a sixteenth before are taken as showing some.
+// Throws what decodePhotograph throws otherwise.
+bool hidesAll(const PhotographSource& source);
 
 // The pixels over a colour. Opaque ones are returned as they are, without a copy.
 std::shared_ptr<const ViewPixels> compositeOver(const std::shared_ptr<const Photograph>& photograph,

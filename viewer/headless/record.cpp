@@ -57,7 +57,7 @@ void recordToFile(const ViewOptions& options) {
   const Scene& scene = viewed.scene();
   const std::vector<Camera> cameras = shotCameras(options, scene, target.video);
   const RenderSettings settings = settingsFor(options, scene.background);
-  FrameWriter writer(target, cameras.front().size, options.fps);
+  FrameWriter writer(target, cameras.front().size, options.fps, cameras.size());
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
 
   double seconds = 0;

@@ -212,9 +212,16 @@ glm::ivec2 recordSize(const RecordTarget& target, glm::ivec2 size) {
   return target.video ? glm::max((size + 1) / 2 * 2, glm::ivec2(2)) : size;
 }
 
-FrameWriter::FrameWriter(RecordTarget target, glm::ivec2 size, double fps)
+FrameWriter::FrameWriter(RecordTarget target, glm::ivec2 size, double fps, std::size_t frames)
     : target_(std::move(target)), size_(size), fps_(fps) {
-  if (!target_.video) makeFolder(target_.path.parent_path());
+  if (!target_.video) {
+    makeFolder(target_.path.parent_path());
+    if (const std::filesystem::path next = framePath(target_, frames); isFile(next)) {
+      throw Error(ErrorKind::cannotWrite, next.string(),
+                  "a picture of a longer recording would stay among those of this one (expected none from " +
+                      std::to_string(frames) + " on)");
+    }
+  }
   requireWritable(target_.video ? target_.path : framePath(target_, 0));
   if (target_.video) {
     ffmpeg_ = findProgram("ffmpeg");

@@ -31,9 +31,10 @@ glm::ivec2 recordSize(const RecordTarget& target, glm::ivec2 size);
 // pictures stay.
 class FrameWriter {
  public:
-  // Throws at once for a place that cannot be written or where the ffmpeg program is missing: Error(cannotWrite).
-  // `size`: recordSize. `fps` > 0, of a video.
-  FrameWriter(RecordTarget target, glm::ivec2 size, double fps);
+  // Throws at once for a place that cannot be written, where pictures of a longer recording are, which the `frames` of
+  // this one would not all replace, or where the ffmpeg program is missing: Error(cannotWrite). `size`: recordSize.
+  // `fps` > 0, of a video.
+  FrameWriter(RecordTarget target, glm::ivec2 size, double fps, std::size_t frames);
 
   const RecordTarget& target() const { return target_; }
   bool ready() const { return !frames_.full(); }  // add would not wait

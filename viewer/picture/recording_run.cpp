@@ -14,7 +14,7 @@ RecordTarget targetOf(const ViewerState& state) { return parseRecordTarget(state
 
 RecordingRun::RecordingRun(const ViewerState& state)
     : cameras_(recordCameras(state, recordSize(targetOf(state), state.record.size))),
-      writer_(targetOf(state), cameras_.front().size, state.record.fps) {}
+      writer_(targetOf(state), cameras_.front().size, state.record.fps, cameras_.size()) {}
 
 const Camera* RecordingRun::due() { return done_ == cameras_.size() || !writer_.ready() ? nullptr : &cameras_[done_]; }
 

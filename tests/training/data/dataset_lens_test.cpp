@@ -206,3 +206,29 @@ TEST_CASE("photographs of which a mask hides every pixel are left out", "[datase
   tg::writeImage(folder / "masks/c.png", tg::Image(16, 12, 1));
   CHECK_THAT(refusal(folder.path), Contains("masks hide every pixel of the training photographs"));
 }
+
+TEST_CASE("photographs whose mask shows a sliver that gets lost are left out", "[dataset]") {
+  tg::TemporaryFolder folder;
+  for (const char* name : {"a", "b", "c"}) writePicture(folder / "images" / (std::string(name) + ".png"), 16, 12);
+  Json json = pinhole({frame("images/a.png"), frame("images/b.png"), frame("images/c.png")});
+  json["cx"] = 8;
+  json["cy"] = 6;
+  fs::create_directories(folder / "masks");
+  const auto viewsOf = [&](const tg::Image& mask) {
+    tg::writeImage(folder / "masks/b.png", mask);
+    writeText(folder / "transforms.json", json.dump());
+    return loadDataset(folder.path).views.size();
+  };
+  // Of a mask twice as large, a pixel that fills no pixel of the photograph.
+  tg::Image large(32, 24, 1);
+  large.at(11, 11, 0) = 1.0f;
+  CHECK(viewsOf(large) == 2);
+  for (const int x : {10, 11}) large.at(x, 10, 0) = large.at(x, 11, 0) = 1.0f;
+  CHECK(viewsOf(large) == 3);
+  // A pixel that the lens moves between others.
+  tg::Image dot(16, 12, 1);
+  dot.at(3, 3, 0) = 1.0f;
+  CHECK(viewsOf(dot) == 3);
+  json["k1"] = -0.1;
+  CHECK(viewsOf(dot) == 2);
+}

@@ -68,17 +68,31 @@ TEST_CASE("videos have even sides, pictures any") {
 
 TEST_CASE("pictures are numbered from 0 in a folder that is made for them") {
   const TemporaryFolder folder;
-  FrameWriter writer(parseRecordTarget(folder / "new/f##.png", "-o"), {4, 3}, 30);
+  FrameWriter writer(parseRecordTarget(folder / "new/f##.png", "-o"), {4, 3}, 30, 5);
   for (int i = 0; i < 5; ++i) writer.add(Image(4, 3, 3, 0.2f * static_cast<float>(i)));
   writer.finish();
   CHECK(filesIn(folder / "new") == 5);
   CHECK(readImage(folder / "new/f03.png").at(1, 1, 0) == Approx(0.6f).margin(0.005));
 }
 
+TEST_CASE("pictures of a longer recording are not left among those of a shorter one") {
+  const TemporaryFolder folder;
+  const auto record = [&](std::size_t frames, float grey) {
+    FrameWriter writer(parseRecordTarget(folder / "##.png", "-o"), {4, 3}, 30, frames);
+    for (std::size_t i = 0; i < frames; ++i) writer.add(Image(4, 3, 3, grey));
+    writer.finish();
+  };
+  record(3, 1.0f);
+  CHECK_THROWS_WITH(record(2, 0.0f), Contains("02.png: a picture of a longer recording"));
+  CHECK(readImage(folder / "00.png").at(1, 1, 0) == 1.0f);
+  record(4, 0.0f);
+  CHECK(readImage(folder / "00.png").at(1, 1, 0) == 0.0f);
+}
+
 TEST_CASE("the folder of a video is not made") {
   const FakeFfmpeg ffmpeg(kCopy);
   const TemporaryFolder folder;
-  CHECK_THROWS_WITH(FrameWriter(parseRecordTarget(folder / "typo/a.mp4", "-o"), {4, 2}, 30),
+  CHECK_THROWS_WITH(FrameWriter(parseRecordTarget(folder / "typo/a.mp4", "-o"), {4, 2}, 30, 5),
                     Contains("a.mp4: cannot write here"));
   CHECK(filesIn(folder.path) == 0);
 }
@@ -86,7 +100,7 @@ TEST_CASE("the folder of a video is not made") {
 TEST_CASE("a video gets every byte of every frame, in order, and appears whole") {
   const FakeFfmpeg ffmpeg(kCopy);
   const TemporaryFolder folder;
-  FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {64, 48}, 25);
+  FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {64, 48}, 25, 6);
   for (int i = 0; i < 6; ++i) {
     writer.add(Image(64, 48, 3, static_cast<float>(i) / 10.0f));
     CHECK_FALSE(std::filesystem::exists(folder / "a.mp4"));
@@ -105,7 +119,7 @@ TEST_CASE("a recording that is given up leaves no video, and keeps an older one"
   const TemporaryFolder folder;
   std::ofstream(folder / "a.mp4") << "old";
   {
-    FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25);
+    FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25, 10);
     writer.add(Image(4, 4, 3));
   }
   CHECK(std::filesystem::file_size(folder / "a.mp4") == 3);
@@ -124,7 +138,7 @@ TEST_CASE("what ffmpeg says is passed on, and nothing is left") {
     INFO(wrong.message);
     const FakeFfmpeg ffmpeg(wrong.script);
     const auto record = [&] {
-      FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {640, 480}, 25);
+      FrameWriter writer(parseRecordTarget(folder / "a.mp4", "-o"), {640, 480}, 25, 20);
       for (int i = 0; i < 20; ++i) writer.add(Image(640, 480, 3));
       writer.finish();
     };
@@ -136,7 +150,7 @@ TEST_CASE("what ffmpeg says is passed on, and nothing is left") {
 TEST_CASE("without ffmpeg the way out is named before any frame is rendered") {
   const FakeFfmpeg none("");
   const TemporaryFolder folder;
-  CHECK_THROWS_WITH(FrameWriter(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25),
+  CHECK_THROWS_WITH(FrameWriter(parseRecordTarget(folder / "a.mp4", "-o"), {4, 4}, 25, 10),
                     Contains("needs the ffmpeg program") && Contains("frames/####.png"));
   CHECK(filesIn(folder.path) == 0);
 }
@@ -144,8 +158,8 @@ TEST_CASE("without ffmpeg the way out is named before any frame is rendered") {
 TEST_CASE("a place that cannot be written is refused at once, and a late failure by the next frame or the end") {
   const TemporaryFolder folder;
   std::ofstream(folder / "file") << "x";
-  CHECK_THROWS_AS(FrameWriter(parseRecordTarget(folder / "file/##.png", "-o"), {4, 4}, 25), Error);
-  FrameWriter writer(parseRecordTarget(folder / "f/##.png", "-o"), {4, 4}, 25);
+  CHECK_THROWS_AS(FrameWriter(parseRecordTarget(folder / "file/##.png", "-o"), {4, 4}, 25, 10), Error);
+  FrameWriter writer(parseRecordTarget(folder / "f/##.png", "-o"), {4, 4}, 25, 10);
   std::filesystem::remove_all(folder / "f");
   const auto write = [&] {
     for (int i = 0; i < 10; ++i) writer.add(Image(4, 4, 3));
