@@ -85,7 +85,7 @@ void blendFragment(uint j, Fragment f) {
   bases[j] = fma(vec3(weight), f.base, bases[j]);
   if (kAll) {
     tints[j] += weight * f.tint;
-    depths[j] += weight * f.depth;
+    depths[j] += take ? weight * f.depth : 0.0;  // without bounds where nothing is taken
     normals[j] += weight * f.normal;
     counts[j] += take ? 1.0 : 0.0;
     if (take && before >= 0.5 && after < 0.5) more[j].x = f.depth;
@@ -261,7 +261,8 @@ void blendSplat(uint splat, vec2 first_center) {
       f.base = base;
       f.tint = vec3(0.0);
       if (kTextured) {
-        float shift = -fma(d_moved, d, shift_rest) * inverse;  // t - 1
+        // t - 1. Where the ray lies in the plane of the plane model's splat D is 0, and this a NaN in what is not blended.
+        float shift = hit ? -fma(d_moved, d, shift_rest) * inverse : 0.0;
         vec2 straight = texel_row + texel_x * float(column);
         Tap tap = tapAt(fma(vec2(shift), straight + texel_shift, straight), cells, first_cell);
         vec4 value = fma(sampleCell(tap), range.unit, range.start);

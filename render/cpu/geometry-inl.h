@@ -131,7 +131,7 @@ HWY_INLINE void antialias(const View& view, Geometry& g) {
   const auto wider = [&](VD s) HWY_ATTR { return hn::Sqrt(hn::MulAdd(s, s, add_variance)); };
   const V3 scale = {wider(g.scale.x), wider(g.scale.y), wider(g.scale.z)};
   g.opacity_factor = hn::Mul(hn::Div(g.scale.x, scale.x), hn::Div(g.scale.y, scale.y));
-  if (view.intersection == IntersectionModel::maxResponse) {
+  if (view.antialias_for == IntersectionModel::maxResponse) {
     const auto over = [](VD a, VD b) HWY_ATTR { return hn::Div(a, b); };
     const V3 along = {dot(g.axes_c[0], g.mean_c), dot(g.axes_c[1], g.mean_c), dot(g.axes_c[2], g.mean_c)};
     const VD before = length({over(along.x, g.scale.x), over(along.y, g.scale.y), over(along.z, g.scale.z)});

@@ -228,8 +228,8 @@ HWY_INLINE V columnX(const Splat& s, int tile_x, int column) {
 struct Sample {
   alignas(4 * kLanes) float value[kLanes];  // opacity * G; 0 where the splat does not show
   float w[kLanes];                          // first triangular component of W
-  float inverse_d2[kLanes];                 // 1 / |D|^2
-  float q[kLanes];                          // |W|^2 / |D|^2
+  float inverse_d2[kLanes];                 // 1 / |D|^2; 0 likewise
+  float q[kLanes];                          // |W|^2 / |D|^2; 0 likewise
 };
 struct Samples {
   alignas(64) Sample at[kBlocks];
@@ -279,10 +279,11 @@ HWY_INLINE void evaluate(const Splat& s, const Rows& rows, int tile_x, const Blo
       }
       Sample& sample = samples.at[n];
       hn::Store(hn::IfThenElseZero(visible, value), df, sample.value);
-      if constexpr (kKeep != Keep::value) hn::Store(inverse_d2, df, sample.inverse_d2);
+      // A ray in the plane of the plane model's splat has D = 0: what it stores is multiplied by 0 and must be finite.
+      if constexpr (kKeep != Keep::value) hn::Store(hn::IfThenElseZero(visible, inverse_d2), df, sample.inverse_d2);
       if constexpr (kKeep == Keep::all) {
         hn::Store(w, df, sample.w);
-        hn::Store(q, df, sample.q);
+        hn::Store(hn::IfThenElseZero(visible, q), df, sample.q);
       }
       samples.block[n] = block;
       // Without a branch, which the processor would guess wrong at every edge of the splat.

@@ -265,6 +265,7 @@ View makeView(const GaussianModel& model, const Camera& camera, const RenderSett
   view.texture_rgb = (mode & kModeRgb) != 0u;
   view.texture_alpha = (mode & kModeAlpha) != 0u;
   view.intersection = settings.intersection.value_or(model.intersection);
+  view.antialias_for = view.intersection;
   view.outside = settings.outside.value_or(model.outside);
   view.order = settings.order;
   view.antialias = settings.antialiasing == Antialiasing::screen;

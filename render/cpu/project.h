@@ -19,6 +19,7 @@ struct View : Pinhole {
   bool texture_rgb = false;
   bool texture_alpha = false;
   IntersectionModel intersection = IntersectionModel::maxResponse;
+  IntersectionModel antialias_for = IntersectionModel::maxResponse;  // whose opacity goes with antialiasing
   TextureOutside outside = TextureOutside::base;
   // docs/math.md 1.4 and 3.1
   SplatOrder order = SplatOrder::global;

@@ -23,13 +23,16 @@ Frame renderCpu(const TestScene& scene, const RenderSettings& settings) {
   return renderer->render(scene.camera, settings);
 }
 
-void checkAgainstReference(SceneKind kind, const TestScene& scene, const RenderSettings& settings) {
-  const Tolerance allowed = tolerance(kind, *settings.intersection);
+void checkAgainstReference(const TestScene& scene, const RenderSettings& settings, const Tolerance& allowed) {
   const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, settings);
   const FrameDifference difference = compareFrames(renderCpu(scene, settings), reference, allowed);
-  INFO(name(kind) << ", " << name(*settings.intersection) << ", textures " << name(settings.textures) << "\n"
-                  << report(difference));
+  INFO(report(difference));
   CHECK(violations(difference, allowed) == "");
+}
+
+void checkAgainstReference(SceneKind kind, const TestScene& scene, const RenderSettings& settings) {
+  INFO(name(kind) << ", " << name(*settings.intersection) << ", textures " << name(settings.textures));
+  checkAgainstReference(scene, settings, tolerance(kind, *settings.intersection));
 }
 
 template <typename T>
@@ -53,6 +56,13 @@ TEST_CASE("every output equals the reference's on every kind of scene, in both m
       settings.background = {0.3f, 0.1f, 0.8f};
       checkAgainstReference(kind, makeScene(kind, 1), settings);
     }
+  }
+}
+
+TEST_CASE("where rays lie in the plane of a Gaussian every output equals the reference's") {
+  for (const int side : {0, 1, 4, 8}) {
+    INFO(side);
+    checkAgainstReference(raysInPlaneScene(side), {}, raysInPlaneTolerance());
   }
 }
 

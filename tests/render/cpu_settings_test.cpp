@@ -138,6 +138,25 @@ TEST_CASE("screen antialiasing and the footprint filter equal the reference's") 
   }
 }
 
+TEST_CASE("an antialiased ellipsoid is shown where the model's own opacity shows its splat") {
+  TestScene scene = thinDiscScene(1.0f, false);
+  scene.model.log_scale[0] = glm::log(glm::vec3(0.0125f, 12.0f, 12.0f));  // edge-on
+  scene.model.mean[0] = {0.04f, 0.0f, 100.0f};
+  scene.model.opacity_logit[0] = -2.0f;
+  for (const auto intersection : kModels) {
+    RenderSettings settings = everything(intersection);
+    settings.antialiasing = Antialiasing::screen;
+    const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, settings);
+    const Frame frame = renderCpu(scene.model, scene.camera, settings);
+    INFO(name(intersection));
+    CHECK(strays(frame.ellipsoids, reference.ellipsoids, 1e-3) <= 0.02);
+    if (intersection == IntersectionModel::plane) {
+      CHECK(strays(frame.ellipsoids, std::vector<glm::dvec3>(reference.ellipsoids.size(), settings.background), 0.1) >
+            0.02);
+    }
+  }
+}
+
 // Most of what lies beyond +-3 sigma is faint: what it hides shows in the number of blended splats.
 TEST_CASE("beyond textures every treatment equals the reference's, and another one does not") {
   for (const SceneKind kind :

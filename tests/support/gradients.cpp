@@ -79,10 +79,11 @@ void checkAgainstReference(const ModelGradient& gradient, const GaussianModel& m
 
 namespace {
 
-void checkRenderer(DifferentiableRenderer& renderer, const TestScene& scene, const RenderSettings& settings) {
+void checkRenderer(DifferentiableRenderer& renderer, const TestScene& scene, const RenderSettings& settings,
+                   double allowed = 1e-4) {
   const auto weights = randomWeights(scene.camera, 2);
   checkAgainstReference(gradientOf(renderer, scene.model, scene.camera, settings, weights), scene.model, scene.camera,
-                        settings, weights);
+                        settings, weights, {}, allowed);
 }
 
 }  // namespace
@@ -119,6 +120,13 @@ void checkClippedTextures(MakeRenderer make) {
       INFO(name(kind) << ", " << name(intersection));
       checkRenderer(*make(), scene, settings);
     }
+  }
+}
+
+void checkRaysInPlane(MakeRenderer make) {
+  for (const int side : {0, 4, 8}) {
+    INFO(side);
+    checkRenderer(*make(), raysInPlaneScene(side), {}, 5e-2);
   }
 }
 

@@ -36,6 +36,8 @@ void checkEveryScene(MakeRenderer make);
 void checkEveryTextureMode(MakeRenderer make);
 // Of models that draw nothing beyond their textures.
 void checkClippedTextures(MakeRenderer make);
+// Where rays lie in the plane of the plane model's Gaussians, which the formula divides by 0 for.
+void checkRaysInPlane(MakeRenderer make);
 
 bool sameBytes(const ModelGradient& a, const ModelGradient& b);
 

@@ -7,6 +7,8 @@
 #include <glm/gtc/constants.hpp>
 #include <glm/gtc/quaternion.hpp>
 
+#include "core/model/atlas.h"
+
 namespace tg::test {
 namespace {
 
@@ -267,6 +269,62 @@ Image noise(int width, int height, unsigned seed, int channels) {
   Image image(width, height, channels);
   for (float& value : image.data) value = static_cast<float>(random.uniform());
   return image;
+}
+
+namespace {
+
+TestScene smallScene(float focal, float center) {
+  TestScene scene{emptyModel(), {}};
+  scene.model.sh_degree = 0;
+  scene.camera.size = {32, 32};
+  scene.camera.focal = glm::dvec2(focal);
+  scene.camera.center = glm::dvec2(center);
+  return scene;
+}
+
+void addUnturned(GaussianModel& model, glm::vec3 mean, glm::vec3 scale) {
+  model.mean.push_back(mean);
+  model.rotation.emplace_back(1, 0, 0, 0);
+  model.log_scale.push_back(glm::log(scale));
+  model.opacity_logit.push_back(1.0f);
+  model.sh.emplace_back(0.3f, 0.2f, 0.1f);
+}
+
+}  // namespace
+
+TestScene raysInPlaneScene(int side) {
+  TestScene scene = smallScene(128.0f, 16.5f);
+  GaussianModel& model = scene.model;
+  model.intersection = IntersectionModel::plane;
+  addUnturned(model, {0, 0, 2}, {0.3f, 0.3f, 0.01f});
+  addUnturned(model, {0.03125f, 0, 4}, {0.0009765625f, 0.5f, 1.0f});  // x of pixel 17's centre
+  addUnturned(model, {0, 0, 5}, {1.0f, 1.0f, 0.01f});
+  if (side == 0) {
+    model.texture_mode = TextureMode::none;
+    return scene;
+  }
+  model.atlas = makeUniformAtlas(3, static_cast<std::uint16_t>(side), static_cast<std::uint16_t>(side));
+  for (std::size_t i = 0; i < model.atlas.texels.size(); ++i) {
+    model.atlas.texels[i] = {0.125f * static_cast<float>(i % 3), 0.0625f, -0.125f,
+                             1.0f - static_cast<float>(i % 5) / 8};
+  }
+  return scene;
+}
+
+Tolerance raysInPlaneTolerance() {
+  Tolerance result = tolerance(SceneKind::edgeOn, IntersectionModel::plane);
+  result.outlier_share = 3.0 / 32;
+  result.loose = 5e-3;
+  return result;
+}
+
+TestScene thinDiscScene(float thinness, bool turned) {
+  TestScene scene = smallScene(1000.0f, 16.0f);
+  GaussianModel& model = scene.model;
+  addUnturned(model, {0, 0, 100}, {0.5f, 0.4f, 0.5f * thinness});
+  if (turned) model.rotation[0] = {0.9f, 0.2f, -0.3f, 0.1f};
+  model.texture_mode = TextureMode::none;
+  return scene;
 }
 
 }  // namespace tg::test

@@ -48,6 +48,14 @@ Camera trainedLikeCamera(int width, int height);
 // 90 the texture plane holds the camera and the ray of pixel (width / 2, height / 2) through the mean lies in it.
 TestScene grazingScene(double degrees, int width = 32, int height = 24);
 
+// Of the plane model: the rays of a column of pixels lie, to the last bit, in the plane of a Gaussian between two that
+// face the camera. 32 x 32 pixels; textures of side x side texels, 0: none.
+TestScene raysInPlaneScene(int side);
+Tolerance raysInPlaneTolerance();  // the next columns see it from 2e-3 rad, where the rounding of 1 / sigma shows
+
+// A disc, `thinness` times as thick as wide, that faces the camera or is turned away a little. 32 x 32 pixels.
+TestScene thinDiscScene(float thinness, bool turned);
+
 // Uniform numbers that are the same with every standard library.
 class Random {
  public:

@@ -43,6 +43,10 @@ TEST_CASE("gradients equal the reference's where nothing is drawn beyond texture
   checkClippedTextures([] { return makeCpuDifferentiableRenderer(); });
 }
 
+TEST_CASE("gradients equal the reference's where rays lie in the plane of a Gaussian") {
+  checkRaysInPlane([] { return makeCpuDifferentiableRenderer(); });
+}
+
 TEST_CASE("gradients equal the reference's for every SIMD target of this machine") {
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     INFO(hwy::TargetName(target));

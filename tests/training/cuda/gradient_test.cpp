@@ -221,6 +221,10 @@ TEST_CASE("CUDA gradients equal the reference's where nothing is drawn beyond te
   checkClippedTextures([] { return makeCudaDifferentiableRenderer(); });
 }
 
+TEST_CASE("CUDA gradients equal the reference's where rays lie in the plane of a Gaussian", "[checked]") {
+  checkRaysInPlane([] { return makeCudaDifferentiableRenderer(); });
+}
+
 TEST_CASE("CUDA gradients equal the reference's on every kind of scene, in both models") {
   checkEveryScene([] { return makeCudaDifferentiableRenderer(); });
 }
