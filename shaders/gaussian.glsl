@@ -7,9 +7,10 @@ FETCHED_VEC4S(0, MeanLogit, mean_logit);       // [N] mean, opacity logit
 FETCHED_VEC4S(1, Rotation, rotation);          // [N] w, x, y, z
 FETCHED_UVEC4S(2, ScaleOffset, scale_offset);  // [N] ln(sigma), texel offset
 
-// Sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a needle without width, or everywhere.
+// Longest sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a point, or everywhere.
 const float kScaleMin = 1e-18;
 const float kScaleMax = 1e18;
+const float kThinnest = 2e-9;  // an axis, in units of the longest: as thin as float can show
 
 struct Gaussian {
   vec3 mean;    // world space
@@ -79,7 +80,7 @@ bool loadGaussian(uint i, out Gaussian g) {
   }
   bool in_crop = decider(floatBitsToUint(view.crop_min.w)) == 0u || (all(greaterThanEqual(g.mean, view.crop_min.xyz)) &&
                                             all(lessThanEqual(g.mean, view.crop_max.xyz)));
-  float least = min(g.scale.x, min(g.scale.y, g.scale.z));
   float most = max(g.scale.x, max(g.scale.y, g.scale.z));
-  return g.mean_c.z > view.near && in_crop && least > kScaleMin && most < kScaleMax;
+  g.scale = max(g.scale, vec3(kThinnest * most));
+  return g.mean_c.z > view.near && in_crop && most > kScaleMin && most < kScaleMax;
 }

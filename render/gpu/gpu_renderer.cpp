@@ -76,6 +76,7 @@ GpuRenderer::GpuRenderer(std::unique_ptr<GpuDevice> device, const PassTuning& tu
 
 void GpuRenderer::setModel(const GaussianModel& model) {
   program_.reset();
+  pairs_.reset();
   splats_.reset();
   model_.reset();
   model_ = uploadModel(*device_, model, precision_);

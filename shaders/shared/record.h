@@ -37,12 +37,14 @@ TG_FN SplatRecord makeRecord(Splat s, uint model, vec3 normal, vec4 outline) {
     dx = unit * dx;
     dy = unit * dy;
     d0 = unit * d0;
-    vec3 n = cross(dx, dy);
+    // Of a disc seen squarely dx and dy are as small as it is thin; their product would be 0.
     float dx_length = length(dx);
+    float dy_length = length(dy);
+    vec3 x = dx / dx_length;
+    vec3 n = cross(x, dy / dy_length);
     float n_length = length(n);
-    record.d_g = vec4(dx_length, dot(dx, dy) / dx_length, dot(dx, d0) / dx_length, s.wy_g.w);
-    record.e_b = vec4(n_length / dx_length, dot(n, cross(dx, d0)) / (n_length * dx_length), dot(n, d0) / n_length,
-                      s.dx_b.w);
+    record.d_g = vec4(dx_length, dot(x, dy), dot(x, d0), s.wy_g.w);
+    record.e_b = vec4(dy_length * n_length, dot(n, cross(x, d0)) / n_length, dot(n, d0) / n_length, s.dx_b.w);
   }
   float wx_length = length(wx);
   if (wx_length > 0.0f) {

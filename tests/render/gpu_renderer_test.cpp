@@ -117,6 +117,39 @@ TEST_CASE("every output agrees with the reference in every kind of scene, for bo
   checkAgainstReference(bundled(makeScene(kind, 7)), settings, allowed(kind, intersection));
 }
 
+TEST_CASE("where rays lie in the plane of a Gaussian every picture agrees with the reference") {
+  const int side = GENERATE(0, 1, 4, 8);
+  const TestScene scene = bundled(raysInPlaneScene(side));
+  INFO(side);
+  checkAgainstReference(scene, {}, raysInPlaneTolerance());
+  RenderSettings alone;
+  alone.outputs = {Output::final};
+  for (const SplatOrder order : {SplatOrder::global, SplatOrder::perPixel}) {
+    alone.order = order;
+    const FrameT<double> reference = renderReference(ReferenceModel(scene.model), scene.camera, alone);
+    const Frame frame = renderScene(scene, alone);
+    for (std::size_t i = 0; i < frame.picture.size(); ++i) {
+      REQUIRE(glm::length(glm::dvec3(frame.color(i)) - reference.color(i)) < 1e-2);
+    }
+  }
+}
+
+TEST_CASE("discs of any thinness agree with the reference's of a millionth, facing the camera or not") {
+  const bool turned = GENERATE(false, true);
+  const IntersectionModel intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  RenderSettings settings;
+  settings.intersection = intersection;
+  const FrameT<double> reference = renderReference(ReferenceModel(thinDiscScene(1e-6f, turned).model),
+                                                   thinDiscScene(1e-6f, turned).camera, settings);
+  for (const float thinness : {1e-6f, 2e-9f, 1e-10f, 1e-17f, 1e-30f}) {
+    INFO(thinness << ", " << name(intersection));
+    const FrameDifference difference = compareFrames(renderScene(thinDiscScene(thinness, turned), settings), reference,
+                                                     allowed(SceneKind::flat, intersection));
+    INFO(report(difference));
+    CHECK(violations(difference, allowed(SceneKind::flat, intersection)) == "");
+  }
+}
+
 TEST_CASE("every texture mode agrees with the reference, as the model's and as the user's choice") {
   const TextureMode mode = GENERATE(TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba);
   const bool of_model = GENERATE(false, true);
@@ -424,6 +457,7 @@ TEST_CASE("what exceeds every binding is an error that names numbers", "[limits]
   for (std::size_t i = 0; i < 600; ++i) textured.model.atlas.texels[24 * i].x = static_cast<float>(i);
   CHECK_THROWS_WITH(renderer.setModel(textured.model),
                     Contains("have 9001 cells between texels, the device binds at most 6000"));
+  CHECK_THROWS_WITH(renderer.render(textured.camera, {}), Contains("setModel() comes first"));
   TestScene wide = facingScene(1000);  // around the camera: each covers every tile, 4 and then 17
   for (glm::vec3& log_scale : wide.model.log_scale) log_scale = glm::vec3(3.0f);
   wide.camera.size.x = wide.camera.size.y = 32;
