@@ -9,6 +9,7 @@
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "shared/limits.h"
+#include "shared/splat.h"
 
 namespace tg {
 namespace {
@@ -20,13 +21,11 @@ constexpr double kLeastLight = 1e-9;  // of opacity: below it no colour is told
 constexpr int kLongestSide = 256;     // [texels] of a merged texture
 constexpr double kLeastMost = 1024;   // [texels] that a merged texture may have in any case
 
-// The axes of a texture (docs/math.md 2.2): u, v, and the normal last.
+// The axes of a texture (docs/math.md 2.2): u, v, and the normal last. As float logarithms have it, which are stored:
+// two sigmas that differ in double may be one there.
 std::array<int, 3> axisOrder(glm::dvec3 sigma) {
-  int normal = 0;
-  for (int k = 1; k < 3; ++k) {
-    if (sigma[k] < sigma[normal]) normal = k;
-  }
-  return {normal == 0 ? 1 : 0, normal == 2 ? 1 : 2, normal};
+  const int normal = shortestAxis(glm::vec3(glm::log(sigma)));
+  return {axisU(normal), axisV(normal), normal};
 }
 
 struct Look {

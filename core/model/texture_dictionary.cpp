@@ -54,11 +54,18 @@ void turnGaussian(GaussianModel& model, std::size_t i, Turn turn) {
   axes[a][turn.exchange ? b : a] = turn.mirror_u ? -1.0 : 1.0;
   axes[b][turn.exchange ? a : b] = turn.mirror_v ? -1.0 : 1.0;
   axes[c][c] = 1.0;
-  if (glm::determinant(axes) < 0.0) axes[c][c] = -1.0;
+  if (turn.exchange) std::swap(log_scale[a], log_scale[b]);
+  // Of two axes that are the shortest the first is the normal (docs/math.md 2.2); c may be the second now.
+  const int normal = shortestAxis(log_scale);
+  if (normal != c) {
+    TG_ASSERT(normal == 0 && c == 1, "u was before the normal");
+    axes = {axes[c], axes[a], axes[b]};
+    log_scale = {log_scale[c], log_scale[a], log_scale[b]};
+  }
+  if (glm::determinant(axes) < 0.0) axes[normal] = -axes[normal];
   const glm::vec4 stored = model.rotation[i];
   const glm::dquat turned = glm::dquat(stored.x, stored.y, stored.z, stored.w) * glm::quat_cast(axes);
   model.rotation[i] = glm::vec4(turned.w, turned.x, turned.y, turned.z);
-  if (turn.exchange) std::swap(log_scale[a], log_scale[b]);
 }
 
 // Vector quantisation with a price on bits (Chou, Lookabaugh and Gray 1989, "Entropy-Constrained Vector Quantization",

@@ -2,10 +2,13 @@
 // Gaussians as moments: areas from the covariance alone are those of its axes.
 #include "core/merge/moments.h"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/gtc/quaternion.hpp>
 #include <random>
 
+#include "core/merge/merged_texture.h"
+#include "core/model/atlas.h"
 #include "support/catch.h"
 
 using namespace tg;
@@ -44,4 +47,35 @@ TEST_CASE("Areas of balls and discs and needles and points", "[core]") {
   CHECK(areaOf(momentsOf(glm::dvec3(0.0))) == kLeastVariance);
   CHECK(areaOf(momentsOf(glm::dvec3(1e-15))) == Approx(kLeastVariance).epsilon(1e-12));
   CHECK(areaOf(momentsOf({1e50, 1e50, 1e20})) == Approx(1e100).epsilon(1e-12));
+}
+
+TEST_CASE("A merged texture lies on the axes that stored sigmas say, which float may make equal", "[core]") {
+  GaussianModel model;
+  model.sh_degree = 0;
+  model.texture_mode = TextureMode::rgba;
+  model.mean.assign(2, glm::vec3(0.0f));
+  model.rotation.assign(2, {1, 0, 0, 0});
+  model.log_scale.assign(2, glm::log(glm::vec3(0.7f, 1.0f, 0.4f)));
+  model.opacity_logit.assign(2, 0.0f);
+  model.sh.assign(2, glm::vec3(0.0f));
+  model.atlas = makeUniformAtlas(2, 4, 4);
+  for (std::size_t i = 0; i < model.atlas.texels.size(); ++i) {
+    model.atlas.texels[i] = {0.01f * static_cast<float>(i % 16), 0, 0, 1.0f - 0.05f * static_cast<float>(i % 7)};
+  }
+  MergedShape shape{glm::dvec3(0.0), {0.5, 0.5, 0.8}, glm::dmat3(1.0), glm::dvec3(0.0), 0.5};
+  AxisFits fits;
+  const MergedTexture equal = mergedTexture(model, 0, 1, shape, fits);
+  shape.sigma.y *= 1.0 - 1e-15;
+  const MergedTexture almost = mergedTexture(model, 0, 1, shape, fits);
+  shape.sigma.y *= 0.999;
+  const MergedTexture shorter = mergedTexture(model, 0, 1, shape, fits);
+  const auto differ = [&](const MergedTexture& other) {
+    float most = 0.0f;
+    for (std::size_t i = 0; i < equal.texels.size(); ++i) {
+      most = std::max(most, glm::distance(equal.texels[i], other.texels.at(i)));
+    }
+    return most;
+  };
+  CHECK(differ(almost) < 1e-5f);
+  CHECK(differ(shorter) > 0.02f);
 }
