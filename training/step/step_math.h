@@ -17,6 +17,7 @@ constexpr float kBeta2 = 0.999f;
 constexpr float kAdamEpsilon = 1e-15f;
 // Moments of Gaussians that no view sees decay into denormals, which cost 100 times a normal operation: cut to zero.
 constexpr float kTinyMoment = 1e-30f;
+constexpr float kTinySquare = 1e-37f;  // lower: of gradients of 1e-15, and Adam's epsilon, it holds a thousandth
 
 struct AdamScales {
   float correction1;  // 1 / (1 - beta1^t)
@@ -27,7 +28,7 @@ TG_FN void adamUpdate(float& value, float g, float& first, float& second, float 
   const float m = kBeta1 * first + (1 - kBeta1) * g;
   const float v = kBeta2 * second + (1 - kBeta2) * g * g;
   first = std::abs(m) < kTinyMoment ? 0.0f : m;
-  second = v < kTinyMoment ? 0.0f : v;
+  second = v < kTinySquare ? 0.0f : v;
   value -= rate * (m * scales.correction1) / (sqrt(v) * scales.correction2 + kAdamEpsilon);
 }
 
