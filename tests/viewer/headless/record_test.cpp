@@ -234,9 +234,9 @@ TEST_CASE("software drivers compile nothing for another camera, nor for sizes th
     const std::filesystem::path cache = shop / "cache";
     // How many there are after a turn of so many pictures; those behind the first give it time to write them.
     const auto compiled = [&](const std::string& size, const std::string& frames, const std::string& show) {
-      const ProcessResult result = shop.tgview(
-          {"model.tgz", "--turntable", frames, "-o", "turn", "--backend", backend, "--size", size, "--show", show},
-          {"env", "MESA_SHADER_CACHE_DIR=" + cache.string()});
+      const ProcessResult result = shop.tgview({"model.tgz", "--turntable", frames, "-o", "turn" + frames, "--backend",
+                                                backend, "--size", size, "--show", show},
+                                               {"env", "MESA_SHADER_CACHE_DIR=" + cache.string()});
       INFO(result.err);
       REQUIRE(result.exit_code == 0);
       std::size_t programs = 0;
