@@ -383,8 +383,10 @@ output: "final", "base" (without what textures add), "texture" (what they add), 
 "depth" and "depth_median" (camera z [world units], 0 where nothing is hit), "count" (of blended Gaussians): [height,
 width]. textures: terms that count. background: RGB; None: the model's. splat_scale: above 0, on every sigma.
 opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands are left out.)");
-  module.def("set_threads", &setThreads, "count"_a,
-             "Threads from now on; 0, as at the start: as many as the machine has. Results do not depend on it.");
+  module.def(
+      "set_threads", &setThreads, "count"_a,
+      "Threads from now on; 0, as at the start: as many as the machine has. Results do not depend on it. Not while "
+      "another thread of Python draws, trains, scores or converts.");
   module.def(
       "read_image",
       [](const std::filesystem::path& path) {

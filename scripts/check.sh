@@ -20,6 +20,9 @@ while [ $# -gt 0 ]; do
   esac
   shift 2
 done
+case $seconds in
+  *[!0-9]*) echo "check.sh: --seconds $seconds (expected an integer from 1 on)" >&2 && exit 1 ;;
+esac
 [ ${#names[@]} -gt 0 ] || names=(debug asan tsan fuzz)
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
 

@@ -6,8 +6,8 @@ case "${1:-}" in
   -h | --help) sed -n 's/^# //p' "$0" && exit ;;
   -*) echo "demo.sh: no such option: $1 (expected a folder)" >&2 && exit 1 ;;
 esac
+out=$(realpath -m "${1:-$(dirname "$0")/../demo}")
 cd "$(dirname "$0")/.."
-out="${1:-demo}"
 
 scripts/install_packages.sh build
 cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DTG_TESTS=OFF -DTG_BENCH=OFF

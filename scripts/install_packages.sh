@@ -4,7 +4,8 @@
 set -euo pipefail
 case "${1:-build}" in
   build | package | test) ;;
-  *) sed -n 's/^# //p' "$0" && exit ;;
+  -h | --help) sed -n '2,/^[^#]/s/^# //p' "$0" && exit ;;
+  *) echo "install_packages.sh: no such set: $1 (expected build, package or test)" >&2 && exit 1 ;;
 esac
 
 build_packages=(build-essential cmake ninja-build pkg-config ccache

@@ -12,6 +12,7 @@
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "core/system/program.h"
+#include "core/system/shell_word.h"
 #include "training/cli.h"
 #include "training/data_commands.h"
 #include "training/farm_flags.h"
@@ -64,7 +65,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   if (!flags.no_open && !options.watch && tg::canShow()) {
     tg::showModel(options.output);
   } else if (!options.quiet) {
-    std::printf("tgview %s shows it\n", options.output.c_str());
+    std::printf("tgview %s shows it\n", tg::shellWord(options.output).c_str());
   }
   return code;
 }

@@ -18,6 +18,7 @@
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "core/system/program.h"
+#include "core/system/shell_word.h"
 #include "training/data/plan_blocks.h"
 #include "training/farm/jobs.h"
 #include "training/settings/schedule.h"
@@ -173,8 +174,8 @@ void splitScene(const SplitFlags& flags) {
                 planned.block.name.c_str(), planned.train_views, planned.views.size() - planned.train_views,
                 planned.points.size(), planned.gaussians, static_cast<double>(planned.memory) / 1e9);
   }
-  std::printf("wrote %zu blocks to %s: `tgtrain farm %s/jobs.jsonl --out FOLDER` trains them\n", plan.size(),
-              flags.output.c_str(), flags.output.c_str());
+  std::printf("wrote %zu blocks to %s: `tgtrain farm %s --out FOLDER` trains them\n", plan.size(), flags.output.c_str(),
+              shellWord(flags.output + "/jobs.jsonl").c_str());
 }
 
 }  // namespace tg

@@ -21,6 +21,7 @@
 #include "core/system/numbers.h"
 #include "core/system/parallel.h"
 #include "core/system/program.h"
+#include "core/system/shell_word.h"
 #include "core/system/signals.h"
 #include "training/mpi/engine.h"
 #include "training/photos/scan.h"
@@ -325,7 +326,7 @@ int train(const TrainFlags& options, Processes* together) {
     if (options.data.layout == "auto" && isForPhotos(options.dataset)) {
       throw Error(ErrorKind::badData, options.dataset,
                   (isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
-                      std::string(": `tgtrain photos ") + options.dataset +
+                      std::string(": `tgtrain photos ") + shellWord(options.dataset) +
                       " -o model.tgz` finds the cameras and trains");
     }
     if (together) refuseTogether(options);

@@ -28,6 +28,8 @@ std::string trainingMadeOf(const TrainFlags& options);
 // `title`, or without one what a path is called, also with a slash at its end.
 std::string nameOf(const std::string& title, const std::filesystem::path& path);
 
+class Processes;  // training/mpi/processes.h
+
 // Returns the exit code: 0, or as a shell has it 128 + the signal that ended training. The first Ctrl-C, kill or closed
 // terminal ends it after the current step and writes the model; the second ends the program at once, with no file half
 // written. Throws Error.

@@ -12,6 +12,7 @@ void handleStopSignals(void (*handler)(int signal)) {
   for (const int signal : kStopSignals) {
     if (std::signal(signal, handler) == SIG_IGN) std::signal(signal, SIG_IGN);
   }
+  if (std::signal(SIGPIPE, handler == endAtOnce ? endAtOnce : SIG_IGN) == SIG_IGN) std::signal(SIGPIPE, SIG_IGN);
 }
 
 void endAtOnce(int signal) noexcept {

@@ -12,7 +12,8 @@ namespace tg {
 inline constexpr std::array kStopSignals{SIGINT, SIGTERM, SIGHUP, SIGUSR1};
 
 // These call `handler` from now on, except those that were ignored when the program started, as nohup asks. `handler`
-// may only do what is async-signal-safe.
+// may only do what is async-signal-safe. What is written to a pipe that nobody reads any longer (SIGPIPE) ends programs
+// whose handler is endAtOnce likewise; others have work to finish and go on without its readers.
 void handleStopSignals(void (*handler)(int signal));
 
 // A handler: removes the temporary files of writes that are under way, then ends the program by the signal itself.

@@ -222,6 +222,13 @@ TEST_CASE("training outlives a checkpoint that cannot be written, but does not e
   CHECK_THAT(child.output(), Contains("run/checkpoint: exists and is not a regular file"));
 }
 
+TEST_CASE("training outlives who reads what it says", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  run(folder, std::string(TG_TGTRAIN) + " " + kBase + "--iterations 300 -o piped.tgz 2>&1 | head -1");
+  CHECK(fs::exists(folder / "piped.tgz"));
+}
+
 TEST_CASE("metrics and previews come as often as asked", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

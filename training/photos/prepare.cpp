@@ -12,6 +12,7 @@
 #include "core/file/json.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
+#include "core/system/shell_word.h"
 #include "training/photos/child.h"
 #include "training/photos/film.h"
 #include "training/photos/photograph.h"
@@ -223,7 +224,7 @@ std::string madeOf(const PhotosOptions& options) {
   }
   if (hasCameras(input)) {
     throw Error(ErrorKind::usage, input.string(),
-                "is a data set with cameras already: `tgtrain " + input.string() +
+                "is a data set with cameras already: `tgtrain " + shellWord(input.string()) +
                     " -o model.tgz` trains it (its folder of photographs alone gets new cameras)");
   }
   const PhotographList list = findPhotographs(input);

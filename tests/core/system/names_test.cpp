@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Enumerators by name.
 #include "core/system/names.h"
+#include "core/system/shell_word.h"
 
 #include <string>
 
@@ -37,4 +38,11 @@ TEST_CASE("text is shortened between characters", "[names]") {
   CHECK(tg::shortened(odd) == std::string(odd, 0, 199) + "..." + odd.substr(303));
   CHECK(tg::shortened(odd, 4, 3) == "x\u00e4...\u00e4x");
   CHECK(tg::shortened(std::string(400, '\xbf')).size() <= 303);  // no UTF-8 at all
+}
+
+TEST_CASE("names in suggested commands are what a shell reads", "[core]") {
+  CHECK(tg::shellWord("a/b-1.tgz") == "a/b-1.tgz");
+  CHECK(tg::shellWord("ph otos") == "'ph otos'");
+  CHECK(tg::shellWord("it's") == "'it'\\''s'");
+  CHECK(tg::shellWord("") == "''");
 }
