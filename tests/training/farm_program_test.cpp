@@ -141,6 +141,22 @@ TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at
   CHECK(tgtrain(folder, "farm --status farm --html farm.html").code == 4);
 }
 
+TEST_CASE("a job that another worker took over does not fail because its run is gone", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "6000", 1, "0.05");
+  // As one that slept: it looks at the farm no sooner than its training fails, for want of a last checkpoint.
+  Child worker(folder, "farm jobs.jsonl --heartbeat 60 --stale 180 --threads 1 --retries 0 --out farm");
+  const fs::path job = folder / "farm/jobs/job0";
+  worker.until([&] { return fs::exists(job / "0001/run/checkpoint"); });
+  fs::create_directory(job / "0002");
+  fs::rename(job / "0001/run", folder / "moved");
+  worker.until([&] { return worker.output().find("another worker has taken over") != std::string::npos; });
+  CHECK_FALSE(fs::exists(job / "failed.json"));
+  worker.send(SIGTERM);
+  worker.end();
+}
+
 TEST_CASE("a farm's folder that is another's, gone or full is one line and the right code", "[farm]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

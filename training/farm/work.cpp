@@ -197,6 +197,9 @@ class Worker {
       }
     };
     const ChildEnd end = runChild(command, stop_);
+    // Whoever took over has moved the run: that it failed here says nothing of the job.
+    overtaken = end.code != 0 && folder_.isOvertaken(job.name, number);
+    if (overtaken) throw Stopped();
     return {end.code, shortened(printable(error_line.empty() ? end.last : error_line))};
   }
 
