@@ -261,7 +261,7 @@ void blendSplat(uint splat, vec2 first_center) {
       f.base = base;
       f.tint = vec3(0.0);
       if (kTextured) {
-        // t - 1. Where the ray lies in the plane of the plane model's splat D is 0, and this a NaN in what is not blended.
+        // t - 1; a NaN where a ray lies in the plane of the plane model's splat, which is not blended.
         float shift = hit ? -fma(d_moved, d, shift_rest) * inverse : 0.0;
         vec2 straight = texel_row + texel_x * float(column);
         Tap tap = tapAt(fma(vec2(shift), straight + texel_shift, straight), cells, first_cell);

@@ -10,7 +10,6 @@ FETCHED_UVEC4S(2, ScaleOffset, scale_offset);  // [N] ln(sigma), texel offset
 // Longest sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a point, or everywhere.
 const float kScaleMin = 1e-18;
 const float kScaleMax = 1e18;
-const float kThinnest = 2e-9;  // an axis, in units of the longest: as thin as float can show
 
 struct Gaussian {
   vec3 mean;    // world space

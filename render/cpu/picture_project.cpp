@@ -345,9 +345,9 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
     scale = wide_scale;
   }
 
-  // Everything in units of the longest axis; one that is 2e-9 of it is as thin as float can show.
+  // Everything in units of the longest axis.
   const V longest = hn::Max(scale.x, hn::Max(scale.y, scale.z));
-  const auto inverse_of = [&](V s) HWY_ATTR { return hn::Min(hn::Div(longest, s), set(5e8f)); };
+  const auto inverse_of = [&](V s) HWY_ATTR { return hn::Min(hn::Div(longest, s), set(1.0f / kThinnest)); };
   const V3 inverse = {inverse_of(scale.x), inverse_of(scale.y), inverse_of(scale.z)};
   const V3 others = {hn::Mul(inverse.y, inverse.z), hn::Mul(inverse.x, inverse.z), hn::Mul(inverse.x, inverse.y)};
   const V3 m[3] = {product(inverse, rotation[0]), product(inverse, rotation[1]), product(inverse, rotation[2])};

@@ -18,6 +18,7 @@ const float kScreenVariance = 0.1f;           // [px^2] of the screen-space low-
 const float kEllipsoidAmbient = 0.25f;        // share of the light that a lit ellipsoid gets edge-on
 const float kCenterRadius = 1.5f;             // [px] of a dot at a Gaussian's mean
 const float kShC0 = 0.28209479177387814f;     // sqrt(1/(4 pi))
+const float kThinnest = 2e-9f;                // of an axis, in units of the longest one: as thin as float can show
 
 // Texture modes and intersection models as they cross host and device (core has the enum classes).
 const uint kModeNone = 0u;

@@ -119,6 +119,7 @@ const float kScreenVariance = 0.1f;
 const float kEllipsoidAmbient = 0.25f;
 const float kCenterRadius = 1.5f;
 const float kShC0 = 0.28209479177387814f;
+const float kThinnest = 2e-9f;
 const uint kModeNone = 0u;
 const uint kModeAlpha = 1u;
 const uint kModeRgb = 2u;
