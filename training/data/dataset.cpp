@@ -185,7 +185,10 @@ Undistortion undistortionOf(const DatasetIndex::Entry& entry, int width, int hei
 }
 
 PhotographSource sourceOf(const DatasetIndex::Entry& entry, int downscale) {
-  PhotographSource source{.image = entry.image, .mask = entry.mask, .downscale = downscale};
+  PhotographSource source;
+  source.image = entry.image;
+  source.mask = entry.mask;
+  source.downscale = downscale;
   if (!entry.lens.isPinhole()) source.undistortion = [entry](int w, int h) { return undistortionOf(entry, w, h); };
   return source;
 }
