@@ -309,6 +309,7 @@ int train(const TrainFlags& options, Processes* together) {
   const auto seconds = [start = std::chrono::steady_clock::now()] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
+  std::signal(SIGPIPE, SIG_IGN);  // as handleStopSignals() has it, for what is said before
   std::optional<Bundle> start_bundle;
   std::unique_ptr<PageServer> page;
   std::unique_ptr<RunFolder> run;

@@ -225,7 +225,7 @@ TEST_CASE("training outlives a checkpoint that cannot be written, but does not e
 TEST_CASE("training outlives who reads what it says", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  run(folder, std::string(TG_TGTRAIN) + " " + kBase + "--iterations 300 -o piped.tgz 2>&1 | head -1");
+  run(folder, std::string(TG_TGTRAIN) + " " + kBase + "--iterations 300 -o piped.tgz 2>&1 | :");
   CHECK(fs::exists(folder / "piped.tgz"));
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What check finds of glTF's own rules, and what reading a large or a strange file costs.
-#include <sys/resource.h>
 #include <sys/stat.h>
+#include <time.h>
 
 #include <algorithm>
 #include <cmath>
@@ -41,10 +41,11 @@ std::string errorsOf(const std::filesystem::path& path) {
 }
 
 double secondsOf(const std::function<void()>& step) {
+  // Measured, not shared out between user and system by samples, as getrusage() has it.
   const auto processor = [] {
-    rusage used{};
-    getrusage(RUSAGE_SELF, &used);
-    return static_cast<double>(used.ru_utime.tv_sec) + 1e-6 * static_cast<double>(used.ru_utime.tv_usec);
+    timespec used{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
+    return static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
   };
   const double before = processor();
   step();
@@ -262,17 +263,24 @@ TEST_CASE("elements of any top-level array by the ten thousand are read and chec
       [](json& g, int) { g["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", 0}}}}); },
       [](json& g, int i) { g["extras"]["x" + std::to_string(i)] = 1; },
   };
-  // Processor time with four times the elements over that before: linear 3.7 to 4.7, quadratic 16.
+  // Processor time with four times the elements over that before: linear 3.7 to 4.7, quadratic 16. Beside other work a
+  // step may take twice its time: what does not look linear is measured again.
+  constexpr double kMostGrowth = 8.0;
   using Step = std::function<void(const std::filesystem::path&)>;
   const auto growth = [&](int copies, const std::function<void(json&, int)>& add, const Step& step) {
     const auto few = written("few.glb", copies / 4, add), many = written("many.glb", copies, add);
-    const double short_s = secondsOf([&] { step(few); });
-    return secondsOf([&] { step(many); }) / short_s;
+    double least = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 3 && least >= kMostGrowth; ++i) {
+      const double short_s = secondsOf([&] { step(few); });
+      least = std::min(least, secondsOf([&] { step(many); }) / short_s);
+    }
+    return least;
   };
   for (std::size_t kind = 0; kind < kinds.size(); ++kind) {
     CAPTURE(kind);
-    CHECK(growth(100'000, kinds[kind], [](const auto& path) { CHECK(readModel(path).model.size() == 12); }) < 8.0);
-    CHECK(growth(100'000, kinds[kind], [](const auto& path) { (void)checkFile(path); }) < 8.0);
+    CHECK(growth(100'000, kinds[kind], [](const auto& path) { CHECK(readModel(path).model.size() == 12); }) <
+          kMostGrowth);
+    CHECK(growth(100'000, kinds[kind], [](const auto& path) { (void)checkFile(path); }) < kMostGrowth);
   }
   const std::vector<std::pair<const char*, json>> others = {
       {"bufferViews", {{"buffer", 0}, {"byteLength", 4}}},
@@ -297,7 +305,7 @@ TEST_CASE("elements of any top-level array by the ten thousand are read and chec
       if (added.is_string()) added = "X_" + std::to_string(i);
       g[key].push_back(std::move(added));
     };
-    CHECK(growth(50'000, add, [](const auto& path) { CHECK(checkFile(path).errors.empty()); }) < 8.0);
+    CHECK(growth(50'000, add, [](const auto& path) { CHECK(checkFile(path).errors.empty()); }) < kMostGrowth);
   }
 }
 
