@@ -365,10 +365,11 @@ class Driver:
 
 
 def commit():
-    """Of the tree; "+" where what is trained with was changed since."""
+    """Of the tree; "+" where what is trained and written with was changed since."""
     git = ["git", "-C", ROOT]
     head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], check=True, capture_output=True, text=True)
-    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "core", "render", "training", "shaders"])
+    changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", "core", "render", "training", "shaders",
+                              "converter"])
     return head.stdout.strip() + ("+" if changed.returncode else "")
 
 

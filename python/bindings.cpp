@@ -385,8 +385,8 @@ width]. textures: terms that count. background: RGB; None: the model's. splat_sc
 opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands are left out.)");
   module.def(
       "set_threads", &setThreads, "count"_a,
-      "Threads from now on; 0, as at the start: as many as the machine has. Results do not depend on it. Not while "
-      "another thread of Python draws, trains, scores or converts.");
+      "Threads from now on, also of what another thread of Python runs meanwhile; 0, as at the start: as many as the "
+      "machine has. Results do not depend on it.");
   module.def(
       "read_image",
       [](const std::filesystem::path& path) {

@@ -8,6 +8,7 @@ own.
 import argparse
 import contextlib
 import io
+import itertools
 import json
 import math
 import pathlib
@@ -89,7 +90,11 @@ class Frontier(unittest.TestCase):
                         continue  # a gap: this seed does not count
                     add(folder, f"fox/{count}/sh1/plain/{seed}", (20000 * 2 ** place, 20.0 + 2 * place))
                 add(folder, f"fox/1700/sh1/rgba-2/{seed}", (40000, 22.0 + gain), (80000, 24.0 + gain))
+            few, _ = self.report(folder)
+            for seed, count in itertools.product((1, 2), (counts[0], counts[-1])):
+                add(folder, f"fox/{count}/sh1/shared4-64/{seed}", (90000, 20.0))  # below the hull
             page, _ = self.report(folder)
+        self.assertNotIn("kB | +1.50 +- 1.00 | ", few)  # far from its only count textures are not at their best
         self.assertIn("| fox | cut | 1, 2 | 40 to 80 kB | +1.50 +- 1.00 | ", page)
         self.assertIn("| fox | cut | 50 kB | 2 | 24.14 | 22.64 | +1.50 +- 1.00 |", page)
         self.assertNotIn("| fox | trained for |", page)

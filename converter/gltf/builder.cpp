@@ -148,11 +148,13 @@ void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, Meshop
   const std::size_t count = gaussians_.size();
   std::vector<std::uint8_t> bytes(count * element.stride());
   std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
-  parallelForWorkers(static_cast<std::int64_t>((count + kBlock - 1) / kBlock), 8, [&](std::int64_t block, int worker) {
-    const std::size_t first = static_cast<std::size_t>(block) * kBlock;
-    fill(gaussians_.block(first, std::min(kBlock, count - first), scratch[static_cast<std::size_t>(worker)]),
-         bytes.data() + first * element.stride());
-  });
+  parallelForWorkers(
+      static_cast<std::int64_t>((count + kBlock - 1) / kBlock), 8, std::ssize(scratch),
+      [&](std::int64_t block, int worker) {
+        const std::size_t first = static_cast<std::size_t>(block) * kBlock;
+        fill(gaussians_.block(first, std::min(kBlock, count - first), scratch[static_cast<std::size_t>(worker)]),
+             bytes.data() + first * element.stride());
+      });
   if (filter.kind == MeshoptFilter::Kind::fixed) filter.exponent = roundToSteps(bytes, filter.exponent);
   if (bounds) addBounds(*bounds, 0, bytes);
   PackedView packed = packMeshopt(bytes, count, element.stride(), filter);
@@ -204,7 +206,7 @@ void GltfBuilder::writeBinary(const FileWriter& file, std::uint64_t base, bool w
   }
   const std::size_t size = gaussians_.size();
   const std::size_t blocks = attributes_.empty() ? 0 : (size + kWrittenBlock - 1) / kWrittenBlock;
-  parallelForWorkers(static_cast<std::int64_t>(blocks), 1, [&](std::int64_t item, int number) {
+  parallelForWorkers(static_cast<std::int64_t>(blocks), 1, std::ssize(workers), [&](std::int64_t item, int number) {
     const std::size_t first = static_cast<std::size_t>(item) * kWrittenBlock;
     const std::size_t count = std::min(kWrittenBlock, size - first);
     Worker& worker = workers[static_cast<std::size_t>(number)];

@@ -332,7 +332,8 @@ Changed changedByGltf(const GaussianBlocks& gaussians, const GaussianModel& whol
     if (changed.log_scale) log_scale = true;
     if (changed.opacity) opacity = true;
   };
-  parallelForWorkers(static_cast<std::int64_t>((size + kSplatBlockRows - 1) / kSplatBlockRows), 1, compare);
+  parallelForWorkers(static_cast<std::int64_t>((size + kSplatBlockRows - 1) / kSplatBlockRows), 1, std::ssize(scratch),
+                     compare);
   return {rotation, log_scale, opacity};
 }
 

@@ -23,7 +23,7 @@ template <typename Take>
 bool takeAll(std::size_t rows, const Take& take) {
   std::atomic<bool> good{true};
   std::vector<std::vector<std::uint8_t>> scratch(static_cast<std::size_t>(threadCount()));
-  parallelForWorkers(static_cast<std::int64_t>((rows + kSplatBlockRows - 1) / kSplatBlockRows), 1,
+  parallelForWorkers(static_cast<std::int64_t>((rows + kSplatBlockRows - 1) / kSplatBlockRows), 1, std::ssize(scratch),
                      [&](std::int64_t block, int worker) {
                        const std::size_t first = static_cast<std::size_t>(block) * kSplatBlockRows;
                        const std::size_t count = std::min(kSplatBlockRows, rows - first);

@@ -25,20 +25,22 @@ namespace {
 constexpr int kBackgroundNiceness = 5;
 constexpr int kMaxThreads = 1024;  // far above any machine; keeps a mistyped option from starting a million threads
 
-// Which worker of a running loop this thread is; -1 outside of loops.
+// Which worker of a running loop this thread is, and of how many; -1 outside of loops.
 thread_local int current_worker = -1;
+thread_local int current_workers = 0;
 
 struct Loop {
   std::int64_t count;
   std::int64_t grain;
+  int threads;
   const std::function<void(std::int64_t, int)>& body;
   std::atomic<std::int64_t> next{0};
   std::atomic<bool> failed{false};
   std::exception_ptr error{};
 
   void run(int worker) {
-    const int outer = current_worker;
-    current_worker = worker;
+    const int outer = std::exchange(current_worker, worker);
+    const int outer_workers = std::exchange(current_workers, threads);
     try {
       while (!failed.load(std::memory_order_relaxed)) {
         const std::int64_t begin = next.fetch_add(grain, std::memory_order_relaxed);
@@ -50,6 +52,7 @@ struct Loop {
       if (!failed.exchange(true)) error = std::current_exception();
     }
     current_worker = outer;
+    current_workers = outer_workers;
   }
 };
 
@@ -66,8 +69,9 @@ class Pool {
     for (std::thread& thread : threads_) thread.join();
   }
 
-  void run(Loop& loop, int helpers) {
+  void run(Loop& loop) {
     std::lock_guard one_loop_at_a_time(loop_mutex_);
+    int helpers = loop.threads - 1;
     {
       std::lock_guard lock(mutex_);
       grow(helpers);
@@ -149,30 +153,32 @@ void setThreadCount(int count) {
 }
 
 int threadCount() {
+  if (current_workers > 0) return current_workers;
   const int requested = requested_threads;
   if (requested > 0) return requested;
   return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMaxThreads);
 }
 
-void parallelForWorkers(std::int64_t count, std::int64_t grain,
+void parallelForWorkers(std::int64_t count, std::int64_t grain, std::int64_t workers,
                         const std::function<void(std::int64_t item, int worker)>& body) {
   TG_ASSERT(body != nullptr, "a loop has a body");
+  TG_ASSERT(workers > current_worker && workers > 0, "a worker's number is below their count");
   if (count <= 0) return;
   grain = std::clamp<std::int64_t>(grain, 1, count);
   const std::int64_t grabs = (count - 1) / grain + 1;
-  const int threads = static_cast<int>(std::min<std::int64_t>(threadCount(), grabs));
+  const int threads = static_cast<int>(std::min({std::int64_t{threadCount()}, grabs, workers}));
   if (threads == 1 || current_worker >= 0) {
     const int worker = std::max(current_worker, 0);  // nested: the number that is ours in the outer loop
     for (std::int64_t i = 0; i < count; ++i) body(i, worker);
     return;
   }
-  Loop loop{count, grain, body};
-  pool().run(loop, threads - 1);
+  Loop loop{count, grain, threads, body};
+  pool().run(loop);
   if (loop.error) std::rethrow_exception(loop.error);
 }
 
 void parallelFor(std::int64_t count, std::int64_t grain, const std::function<void(std::int64_t)>& body) {
-  parallelForWorkers(count, grain, [&body](std::int64_t item, int) { body(item); });
+  parallelForWorkers(count, grain, kMaxThreads, [&body](std::int64_t item, int) { body(item); });
 }
 
 }  // namespace tg

@@ -6,8 +6,10 @@
 
 namespace tg {
 
-// 0 = as many as the machine has (the default). Affects later loops only.
+// 0 = as many as the machine has (the default). Affects loops that begin later, on any thread, and may be called while
+// others run, but not inside one.
 void setThreadCount(int count);
+// Inside a loop: that one's.
 int threadCount();
 
 // Calls body(i) for i in [0, count) on all threads, in any order, `grain` consecutive items per grab; returns when all
@@ -15,8 +17,9 @@ int threadCount();
 // Nested calls run serially on the calling thread.
 void parallelFor(std::int64_t count, std::int64_t grain, const std::function<void(std::int64_t)>& body);
 
-// The same, with the worker's number in [0, threadCount()) for per-thread scratch space.
-void parallelForWorkers(std::int64_t count, std::int64_t grain,
+// The same on `workers` threads at most, for per-thread scratch space: made for threadCount() of them, which may be
+// another one by the time the loop begins. The worker's number is in [0, workers).
+void parallelForWorkers(std::int64_t count, std::int64_t grain, std::int64_t workers,
                         const std::function<void(std::int64_t item, int worker)>& body);
 // Whether this thread is inside such a loop.
 bool insideParallelFor();

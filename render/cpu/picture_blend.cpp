@@ -207,10 +207,11 @@ void blendPicture(const View& view, PictureScene& scene, Texels texels, Frame& f
   const PictureArgs args{view, scene, texels, frame};
   std::vector<DepthQueue> queues(static_cast<std::size_t>(threadCount()));
   std::atomic<std::uint64_t> pixel_splats{0};
-  parallelForWorkers(std::int64_t{scene.tiles_x} * scene.tiles_y, 1, [&](std::int64_t tile, int worker) {
-    DepthQueue& queue = queues[static_cast<std::size_t>(worker)];
-    pixel_splats += HWY_DYNAMIC_DISPATCH(blendPictureTile)(args, static_cast<int>(tile), queue);
-  });
+  parallelForWorkers(std::int64_t{scene.tiles_x} * scene.tiles_y, 1, std::ssize(queues),
+                     [&](std::int64_t tile, int worker) {
+                       DepthQueue& queue = queues[static_cast<std::size_t>(worker)];
+                       pixel_splats += HWY_DYNAMIC_DISPATCH(blendPictureTile)(args, static_cast<int>(tile), queue);
+                     });
   scene.pixel_splats = pixel_splats;
 }
 

@@ -249,16 +249,19 @@ class Training(Folder):
         tg.set_threads(0)
         self.assertEqual(*files)
 
-    def test_a_training_may_be_watched_by_another_thread(self):
+    def test_a_training_may_be_watched_by_another_thread_and_get_more_threads(self):
+        self.addCleanup(tg.set_threads, 0)
         dataset = tg.Dataset.load(self.scene.name)
         trainer = tg.Trainer(dataset, iterations=np.int64(40), texture_mode="none", compare_untextured=np.bool_(False))
         self.assertEqual((trainer.progress.psnr, trainer.progress.iteration), (0, 0))
-        with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
             def steps():
                 return sum(iter(trainer.step, False))
             done = [pool.submit(steps), pool.submit(steps)]
             sizes = pool.submit(lambda: [len(trainer.model()) for _ in range(20)] + [trainer.progress.gaussians])
+            changes = pool.submit(lambda: [tg.set_threads(1 + i % 4) for i in range(10000)])
             self.assertEqual(sum(each.result() for each in done), 40)
+            self.assertEqual(len(changes.result()), 10000)
             self.assertTrue(all(size > 0 for size in sizes.result()))
         self.assertRegex(repr(trainer.progress), r"<Progress plain 40 of 40, \d+ Gaussians, \d+\.\d\d dB>")
 

@@ -199,7 +199,7 @@ void PhotometricLoss::evaluateRows(int width, int height, LossRows rows, std::si
       if (isOwn(y)) sumsOf(c, y) = sums;
     });
 
-    parallelForWorkers(bandsOf(windows), 1, [&](std::int64_t band, int worker) {
+    parallelForWorkers(bandsOf(windows), 1, std::ssize(scratch_), [&](std::int64_t band, int worker) {
       std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
       scratch.resize(scratch_size);
       float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kForward + 1, width]
@@ -238,7 +238,7 @@ void PhotometricLoss::evaluateRows(int width, int height, LossRows rows, std::si
       }
     });
 
-    parallelForWorkers(bandsOf(rows), 1, [&](std::int64_t band, int worker) {
+    parallelForWorkers(bandsOf(rows), 1, std::ssize(scratch_), [&](std::int64_t band, int worker) {
       std::vector<float>& scratch = scratch_[static_cast<std::size_t>(worker)];
       scratch.resize(scratch_size);
       float* blurred = scratch.data() + BlurBand::size(kForward, width);  // [kBackward + 1, width]

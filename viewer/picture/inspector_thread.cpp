@@ -2,6 +2,7 @@
 // One pixel after the other, in float64.
 #include "viewer/picture/inspector_thread.h"
 
+#include <string>
 #include <utility>
 
 #include "viewer/view/inspection.h"
@@ -50,6 +51,12 @@ bool InspectorThread::update(ViewerState& state, glm::ivec2 size) {
   if (!asked) return fresh;
   const glm::ivec2 pixel = *asked;
   if (!state.scene.model) return fresh;
+  if (glm::any(glm::lessThan(pixel, glm::ivec2(0))) || glm::any(glm::greaterThanEqual(pixel, size))) {
+    state.messages.error = "Pixel " + std::to_string(pixel.x) + " " + std::to_string(pixel.y) +
+                           " lies outside the picture (" + std::to_string(size.x) + " x " + std::to_string(size.y) +
+                           ")";
+    return true;
+  }
   busy_ = inspection.busy = true;
   asked_.give({toCamera(state.camera.pose, state.camera.lens, size.x, size.y),
                pixel,

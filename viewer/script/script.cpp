@@ -77,7 +77,9 @@ constexpr std::array kVerbs = {
            const std::string rest = control ? c[0].substr(5) : c[0];
            const bool shift = rest.starts_with("Shift+");
            const int key = parseKey(shift ? rest.substr(6) : rest, c.what);
-           pressKey(c.state, control ? key | kControl : key, shift);
+           if (!pressKey(c.state, control ? key | kControl : key, shift)) {
+             refuseValue(c.what, c[0], "one of the keys that do something, F1 lists them");
+           }
          }},
     Verb{"tab", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.tab = c.named<Tab>(); }},
     Verb{"panel", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.panel = c.on(); }},
@@ -105,6 +107,7 @@ constexpr std::array kVerbs = {
            c.state.compare.how.with_sign = c[0] == "signed";
            c.state.compare.how.gain = static_cast<float>(c.number(1, 1e-3, kMaxGain));
          }},
+    Verb{"keep-going", 1, 0, nullptr},
     Verb{"wait", 1, 0, nullptr},
     Verb{"repeat", 1, 1, nullptr},
     Verb{"await", 1, kFramesOfPanels, nullptr},
@@ -114,6 +117,10 @@ constexpr std::array kVerbs = {
     Verb{"window", 1, 1, [](const Call& c) { c.state.capture.window = c[0]; }},
     Verb{"save-camera", 1, 1, [](const Call& c) { c.state.capture.camera = c[0]; }},
 };
+
+std::string placeOf(const ScriptCommand& command) {
+  return "line " + std::to_string(command.line) + ": " + command.verb;
+}
 
 const Verb* findVerb(std::string_view name, std::span<const Verb> more) {
   for (const std::span<const Verb> verbs :
@@ -161,10 +168,15 @@ Script parseScript(const std::string& text, const std::string& path, std::span<c
 
 std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
   if (script.wait > 0) --script.wait;
+  if (script.next == 0) script.error = state.messages.error;
+  const std::string& shown = state.messages.error;
+  if (script.wait == 0 && script.next > 0 && !script.keeps_going && !shown.empty() && shown != script.error) {
+    throw Error(ErrorKind::badData, script.path, placeOf(script.commands[script.next - 1]) + ": " + shown);
+  }
   while (script.wait == 0 && script.next < script.commands.size()) {
     const ScriptCommand& command = script.commands[script.next];
     const Verb& verb = *findVerb(command.verb, script.more);
-    const std::string at = "line " + std::to_string(command.line) + ": " + command.verb;
+    const std::string at = placeOf(command);
     try {
       if (verb.ready && !verb.ready(state)) return std::nullopt;
       const bool awaits = command.verb == "await" || command.verb == "await-file";
@@ -174,11 +186,14 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
       if (command.verb == "repeat" && ++script.rounds < parseCount(command.words[0], kMostRounds, "rounds", at)) {
         script.next = 0;
       }
+      if (command.verb == "keep-going") script.keeps_going = parseSwitch(command.words[0], at);
       if (command.verb == "size") return parseSize(command.words[0], at);
       if (verb.run) verb.run({state, command.words, at});
       if (verb.setting) verb.setting->set(state.display.settings, command.words[0], at);
     } catch (const Error& error) {
-      throw Error(error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind, script.path, error.what());
+      const std::string what = error.what();
+      throw Error(error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind, script.path,
+                  what.starts_with(at) ? what : at + ": " + what);
     }
   }
   if (script.wait == 0 && script.next == script.commands.size()) state.quit = true;

@@ -26,6 +26,8 @@ struct Script {
   std::size_t next = 0;
   int rounds = 0;            // times that `repeat` was reached
   int wait = 0;              // frames still to draw before the next command
+  bool keeps_going = false;  // after what the viewer says did not work
+  std::string error;         // the viewer's when the script began
   double waiting_since = 0;  // [s] window time of the command that waits for a model; 0: none does
 };
 
@@ -35,7 +37,8 @@ Script readScript(const std::filesystem::path& path, std::span<const Verb> more 
 Script parseScript(const std::string& text, const std::string& path, std::span<const Verb> more = {});
 
 // Runs commands up to the first that needs a frame to be drawn; after the last one, asks the viewer to quit. Returns
-// the window size that a command asked for. Throws Error(badData) with the line for a wrong value.
+// the window size that a command asked for. Throws Error(badData) with the line for a wrong value, and with the last
+// command's when the viewer shows an error before the next one.
 std::optional<glm::ivec2> step(Script& script, ViewerState& state);
 
 }  // namespace tg

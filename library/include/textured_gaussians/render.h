@@ -50,8 +50,8 @@ class Renderer {
   std::unique_ptr<Parts> parts_;
 };
 
-// Threads of rendering, training and conversion from now on; 0, as at the start: as many as the machine has. Not while
-// any of them runs. Throws Error(usage) below 0 or above 4096.
+// Threads of rendering, training and conversion from now on; 0, as at the start: as many as the machine has. What runs
+// on another thread meanwhile takes them up as it goes on. Throws Error(usage) below 0 or above 4096.
 void setThreads(int count);
 
 }  // namespace textured_gaussians

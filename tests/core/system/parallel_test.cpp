@@ -34,7 +34,7 @@ TEST_CASE("worker numbers stay below the thread count and are never used by two 
   const Threads guard(4);
   std::vector<std::atomic<int>> busy(4);
   std::atomic<bool> clash{false};
-  tg::parallelForWorkers(2000, 1, [&](std::int64_t, int worker) {
+  tg::parallelForWorkers(2000, 1, 4, [&](std::int64_t, int worker) {
     if (worker < 0 || worker >= 4 || busy[static_cast<std::size_t>(worker)]++ != 0) {
       clash = true;
       return;
@@ -43,6 +43,27 @@ TEST_CASE("worker numbers stay below the thread count and are never used by two 
     --busy[static_cast<std::size_t>(worker)];
   });
   REQUIRE_FALSE(clash);
+}
+
+TEST_CASE("a thread may change the number of threads while others run loops with space for as many as there were") {
+  const Threads guard(2);
+  std::atomic<bool> done{false}, wrong{false};
+  std::thread changer([&] {
+    for (int count = 1; !done; count = count % 4 + 1) tg::setThreadCount(count);
+  });
+  for (int round = 0; round < 2000; ++round) {
+    std::vector<std::atomic<int>> space(static_cast<std::size_t>(tg::threadCount()));
+    tg::parallelForWorkers(8, 1, std::ssize(space), [&](std::int64_t, int worker) {
+      if (worker >= std::ssize(space)) wrong = true;
+      std::vector<int> inner(static_cast<std::size_t>(tg::threadCount()));
+      tg::parallelForWorkers(2, 1, std::ssize(inner), [&](std::int64_t, int nested) {
+        if (nested >= std::ssize(inner)) wrong = true;
+      });
+    });
+  }
+  done = true;
+  changer.join();
+  REQUIRE_FALSE(wrong);
 }
 
 TEST_CASE("an exception in the body reaches the caller and the pool works on") {
@@ -62,10 +83,10 @@ TEST_CASE("an exception in the body reaches the caller and the pool works on") {
 TEST_CASE("a nested loop runs serially, in order, under the number of its worker") {
   const Threads guard(4);
   std::atomic<bool> wrong{false};
-  tg::parallelForWorkers(64, 1, [&](std::int64_t, int outer) {
+  tg::parallelForWorkers(64, 1, 4, [&](std::int64_t, int outer) {
     const std::thread::id here = std::this_thread::get_id();
     std::int64_t expected = 0;
-    tg::parallelForWorkers(50, 4, [&](std::int64_t i, int inner) {
+    tg::parallelForWorkers(50, 4, 4, [&](std::int64_t i, int inner) {
       if (std::this_thread::get_id() != here || inner != outer || i != expected++) wrong = true;
     });
   });

@@ -145,11 +145,35 @@ TEST_CASE("a broken script names its line") {
   CHECK_THROWS_WITH(parseScript("output final\nrotate 5\n", "s.txt"), "s.txt: line 2: unknown command \"rotate\"");
   CHECK_THROWS_WITH(parseScript("orbit 5", "s.txt"), "s.txt: line 1: orbit (expected 2 words, found 1)");
   ViewerState state;
-  for (const char* bad :
-       {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "repeat 0", "repeat 1e9", "size 1",
-        "key Pause", "key a", "panel yes", "fov wide", "orbit 1 x", "dolly 0", "dolly -1", "dolly 1e9"}) {
+  for (const char* bad : {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "repeat 0",
+                          "repeat 1e9", "size 1", "key Pause", "key a", "key ?", "key Ctrl+9", "panel yes", "fov wide",
+                          "orbit 1 x", "dolly 0", "dolly -1", "dolly 1e9"}) {
     Script script = parseScript(bad, "s.txt");
     CHECK_THROWS_AS(step(script, state), Error);
   }
   CHECK_THROWS_AS(readScript("no-such-script.txt"), Error);
+}
+
+TEST_CASE("what the viewer says that did not work ends the script under the command before it") {
+  ViewerState state;
+  state.messages.error = "of the last session";
+  Script script = parseScript("tab edit\nload-path none.json\ntab view\n", "s.txt");
+  CHECK_FALSE(step(script, state));
+  const auto go = [&] {
+    while (!state.quit) step(script, state);
+  };
+  CHECK_THROWS_WITH(go(), Catch::Matchers::StartsWith("s.txt: line 2: load-path: none.json: "));
+  CHECK(state.ui.tab == Tab::edit);
+
+  state.messages.error.clear();
+  script = parseScript("open none.tgz", "s.txt");
+  CHECK_FALSE(step(script, state));
+  state.messages.error = "none.tgz: no such file";
+  CHECK_THROWS_WITH(go(), "s.txt: line 1: open: none.tgz: no such file");
+  script = parseScript("keep-going on\nopen none.tgz\ntab view\n", "s.txt");
+  state.messages.error.clear();
+  CHECK_FALSE(step(script, state));
+  state.messages.error = "none.tgz: no such file";
+  CHECK_NOTHROW(go());
+  CHECK(state.ui.tab == Tab::view);
 }

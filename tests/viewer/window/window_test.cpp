@@ -168,7 +168,8 @@ TEST_CASE("a broken file shows an error and leaves the old model, a good one rep
   writeSplatPly(shop / "plain.ply", half);
   shop.write("broken.tgz", "not an archive");
   play(shop,
-       "panel off\nwait 2\npicture before.png\nopen broken.tgz\nwindow error.png\nkey Esc\npicture after.png\n"
+       "keep-going on\npanel off\nwait 2\npicture before.png\nopen broken.tgz\nwindow error.png\nkey Esc\n"
+       "picture after.png\n"
        "save-camera camera.json\nopen plain.ply\ncamera camera.json\npicture plain.png\n"
        "open model.tgz\ntextures off\nbackground black\ncamera camera.json\npicture textured.png\n",
        "240x180");
@@ -280,7 +281,7 @@ TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and
   for (const char* frames : {"1", "2"}) {
     const Workshop shop;
     test::writeSample(shop / "model.tgz");
-    std::string script = "panel off\nwait 2\ncontinuous on\n";
+    std::string script = "keep-going on\npanel off\nwait 2\ncontinuous on\n";
     for (int i = 0; i < 12; ++i) script += "orbit 7 1\nwait 1\n";
     script += "save-camera turned.json\npicture turned.png\n";
     for (const char* size : {"300x200", "64x64", "240x180"}) {
@@ -499,6 +500,8 @@ TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[wi
   shop.write("unknown.txt", "dance\n");
   shop.write("value.txt", "output red\n");
   shop.write("write.txt", "window no/such/folder/a.png\n");
+  shop.write("open.txt", "wait 2\nopen none.tgz\n");
+  shop.write("inspect.txt", "inspect 3000 5\n");
   const auto run = [&shop](const std::string& script) {
     return shop.tgview({"model.tgz", "--size", "200x150", "--script", script}, kXServer).exit_code;
   };
@@ -506,4 +509,6 @@ TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[wi
   CHECK(run("unknown.txt") == 3);
   CHECK(run("value.txt") == 3);
   CHECK(run("write.txt") == 4);
+  CHECK(run("open.txt") == 3);
+  CHECK(run("inspect.txt") == 3);
 }
