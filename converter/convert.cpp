@@ -62,6 +62,8 @@ bool changesPictures(const GaussianModel& model, const Format& format, const Con
          isInSteps(format, options) || losesIntersection(format, model);
 }
 
+constexpr const char* kIdleTextureStep = "--texture-step does nothing: the model has no textures";
+
 // The input, where it can be converted without being a model in between.
 std::unique_ptr<const SplatPlyFile> streamed(const std::filesystem::path& input, const Format& format,
                                              const ConvertOptions& options) {
@@ -159,6 +161,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.input_bytes = storedBytes(*findFormat(report.input_format), input);
     report.gaussians = blocks.size();
     report.sh_degree = blocks.shDegree();
+    if (options.texture_step) report.warnings.emplace_back(kIdleTextureStep);
     if (file->rows().trailing() != 0) report.warnings.push_back(trailingWarning(file->rows().trailing()));
     write_options.gaussians = &blocks;
     try {
@@ -190,9 +193,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (!options.cameras) source.cameras.clear();
   report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
-  if (options.texture_step && !isTextured(source.model)) {
-    report.warnings.emplace_back("--texture-step does nothing: the model has no textures");
-  }
+  if (options.texture_step && !isTextured(source.model)) report.warnings.emplace_back(kIdleTextureStep);
   const bool changes = changesPictures(source.model, format, options);
   if (changes && !measured && !options.dry_run && options.measure == Measure::automatic) {
     report.warnings.push_back(

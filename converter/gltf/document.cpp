@@ -58,6 +58,8 @@ void parse(tinygltf::Model& model, const std::string& path, bool binary, std::sp
   } catch (const std::exception& exception) {
     error = exception.what();
   }
+  constexpr std::size_t kLongestReason = 400;  // it may quote a data URI
+  if (error.size() > kLongestReason) error = error.substr(0, kLongestReason) + " ...";
   if (!ok) throw Error(ErrorKind::badData, path, "no valid glTF: " + error);
 }
 

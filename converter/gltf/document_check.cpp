@@ -114,10 +114,10 @@ std::vector<std::uint64_t> checkBuffers(const JsonNode& root, const GltfParts& p
         buffer.at("uri").fail("external buffers are not read" +
                               expectedFound("a GLB or a base64 data URI", buffer.at("uri").shown()));
       }
-      if (bytes > uri.size()) {  // base64 needs 4 characters for 3 bytes
+      if (const std::uint64_t most = dataUriBytes(uri); bytes > most) {
         buffer.at("byteLength")
             .fail("more than the data URI holds" +
-                  expectedFound("at most " + std::to_string(uri.size() / 4 * 3), std::to_string(bytes)));
+                  expectedFound("at most " + std::to_string(most), std::to_string(bytes)));
       }
     } else {
       if (!parts.binary || !sizes.empty() || !parts.bin_bytes) buffer.fail("has neither a uri nor a BIN chunk");
@@ -299,6 +299,15 @@ int componentCount(std::string_view type) {
     if (type == name) return count;
   }
   return 0;
+}
+
+std::uint64_t dataUriBytes(std::string_view uri) {
+  constexpr std::string_view kBase64 = ";base64,";
+  const std::size_t at = uri.find(kBase64);
+  if (!uri.starts_with("data:") || at == std::string_view::npos) return 0;
+  uri.remove_prefix(at + kBase64.size());
+  for (int padding = 0; padding < 2 && uri.ends_with('='); ++padding) uri.remove_suffix(1);
+  return uri.size() * 3 / 4;  // 4 characters for 3 bytes
 }
 
 json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) {

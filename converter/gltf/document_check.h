@@ -17,6 +17,9 @@ inline constexpr std::size_t kMaxJsonBytes = std::size_t{256} << 20;
 int componentBytes(std::uint64_t component_type);
 int componentCount(std::string_view type);
 
+// How many bytes a base64 data URI holds; 0 for another text.
+std::uint64_t dataUriBytes(std::string_view uri);
+
 // Throws Error(badData) on syntax, on nesting deeper than 64 and on text that is too long.
 nlohmann::json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path);
 

@@ -509,11 +509,13 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options) {
                   "logarithms, as the extension's first release candidate had them");
   }
   bool textured = false;
+  DecodedAtlases decoded;
   for (const SplatInstance& instance : instances) {
     std::optional<TextureLayer> layer;
     const tinygltf::Value* extension = findTextureExtension(*instance.splats.primitive);
     if (extension != nullptr && !options.base_only) {
-      layer = readTextureLayer(document, instance.splats, *extension);
+      layer = readTextureLayer(document, instance.splats, *extension, decoded);
+      if (&instance == &instances.back()) decoded.pages = {};
       if (textured && layer->intersection != model.intersection) {
         throw document.bad(instance.splats.pointer, "another intersection model than the primitives before (expected " +
                                                         std::string(name(model.intersection)) + ", found " +

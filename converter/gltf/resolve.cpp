@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "converter/gltf/document.h"
+#include "converter/gltf/document_check.h"
 #include "converter/gltf/meshopt.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -128,6 +129,11 @@ class Resolver {
         source.offset = append(readExternal(buffer.at("uri"), pointer + "/uri", source.bytes));
         source.there = source.packed_in_bin = true;
       } else if (buffer.contains("uri")) {
+        const json& uri = buffer["uri"];  // of which other words are for checkGltfJson()
+        const std::uint64_t most = uri.is_string() ? dataUriBytes(uri.get_ref<const std::string&>()) : 0;
+        if (most > 0 && source.bytes > most) {  // behind this it has another number
+          fail(pointer + "/byteLength", "more than the data URI holds" + atMost(most, source.bytes));
+        }
         source.buffer = kept.size();
         source.there = true;
         kept.push_back(buffer);

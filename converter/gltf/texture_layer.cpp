@@ -209,6 +209,34 @@ Image readAtlas(const Place& place, TextureMode mode, std::uint64_t& texels) {
   return page;
 }
 
+// Whether all could be. Work has a bound: primitives that take turns with two sets decode them again and again.
+bool decodeAtlases(const Place& place, TextureMode mode, DecodedAtlases& decoded) {
+  const tinygltf::Value& atlases = place.get("atlases");
+  decoded.named = nullptr;
+  decoded.pages.clear();
+  std::uint64_t texels = 0;
+  bool all = true;
+  for (std::size_t i = 0; i < atlases.ArrayLen(); ++i) {
+    const Place atlas{place.document, atlases.Get(static_cast<int>(i)),
+                      place.pointer + "/atlases/" + std::to_string(i)};
+    all = place.document.attempt([&] {
+      if (!atlas.value.IsObject()) atlas.fail("is no object");
+      decoded.pages.push_back(readAtlas(atlas, mode, texels));
+    }) && all;
+  }
+  decoded.texels += texels;
+  place.document.attempt([&] {
+    if (decoded.texels <= kMaxModelTexels) return;
+    all = false;
+    place.fail("the atlases of all primitives are too large (expected at most " + std::to_string(kMaxModelTexels) +
+               " texels, found " + std::to_string(decoded.texels) + " so far)");
+  });
+  if (!all) return false;
+  decoded.mode = mode;
+  decoded.named = &atlases;
+  return true;
+}
+
 std::vector<AtlasPlacement> readPlacements(const GltfDocument& document, const SplatPrimitive& splats) {
   const std::vector<float> rects = readAttribute(document, splats, {kRect, 4, kUnsignedShort});
   std::vector<float> atlases;
@@ -281,7 +309,7 @@ const tinygltf::Value* findTextureExtension(const tinygltf::Primitive& primitive
 }
 
 TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive& splats,
-                              const tinygltf::Value& extension) {
+                              const tinygltf::Value& extension, DecodedAtlases& decoded) {
   const Place place{
       document, extension,
       splats.pointer + "/extensions/" + std::string(kSplatExtension) + "/extensions/" + std::string(kTextureExtension)};
@@ -339,21 +367,13 @@ TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive
     if (splats.has(kDc)) layer.dc = readAttribute(document, splats, {kDc, 3, kFloat});
   });
   if (!has_mode || !has_atlases) return layer;
-  std::uint64_t texels = 0;
-  std::vector<Image> pages;
-  bool has_pages = true;
-  for (std::size_t i = 0; i < atlases.ArrayLen(); ++i) {
-    const Place atlas{document, atlases.Get(static_cast<int>(i)), place.pointer + "/atlases/" + std::to_string(i)};
-    has_pages = attempt([&] {
-                  if (!atlas.value.IsObject()) atlas.fail("is no object");
-                  pages.push_back(readAtlas(atlas, layer.mode, texels));
-                }) &&
-                has_pages;
+  if (decoded.named == nullptr || decoded.mode != layer.mode || !(*decoded.named == atlases)) {
+    if (!decodeAtlases(place, layer.mode, decoded)) return layer;
   }
-  if (!has_pages || !has_placements) return layer;
+  if (!has_placements) return layer;
   attempt([&] {
-    checkPlacements(document, splats, pages, placements);
-    layer.atlas = copyRectangles(document, splats, pages, placements);
+    checkPlacements(document, splats, decoded.pages, placements);
+    layer.atlas = copyRectangles(document, splats, decoded.pages, placements);
   });
   return layer;
 }

@@ -24,12 +24,20 @@ struct TextureLayer {
   std::optional<std::vector<float>> dc;       // [count * 3] likewise
 };
 
+// Decoded atlases, for the next primitive that names the same ones.
+struct DecodedAtlases {
+  TextureMode mode = TextureMode::none;
+  const tinygltf::Value* named = nullptr;  // of the document; nullptr: none
+  std::vector<Image> pages;
+  std::uint64_t texels = 0;  // decoded so far, in the document
+};
+
 // The extension object of a primitive; nullptr when it has none.
 const tinygltf::Value* findTextureExtension(const tinygltf::Primitive& primitive);
 
 // Throws Error(badData) with a JSON pointer, what was expected and what was found. Where the document collects errors,
 // all that can be told apart; the layer is then of no use.
 TextureLayer readTextureLayer(const GltfDocument& document, const SplatPrimitive& splats,
-                              const tinygltf::Value& extension);
+                              const tinygltf::Value& extension, DecodedAtlases& decoded);
 
 }  // namespace tg

@@ -186,15 +186,40 @@ void makeFolder(const fs::path& folder) {
   if (status) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + status.message());
 }
 
+constexpr const char* kDigits = "0123456789";
+constexpr std::string_view kFileMeta = "/meta.json", kCamerasName = "cameras.json";
 constexpr std::uint64_t kMostMetaBytes = std::uint64_t{64} << 20;
 
-// What our lod-meta.json that is there names, below the folder that it stands in: those files alone go with it.
+bool allOf(std::string_view text, const char* known) {
+  return !text.empty() && text.find_first_not_of(known) == std::string_view::npos;
+}
+
+// N/NAME with the folder N, a number as settle() gives it; the name's part behind it, "" where it is another's.
+std::string_view inFolder(std::string_view file, std::string_view folder) {
+  return file.starts_with(folder) && allOf(folder.substr(0, folder.size() - 1), kDigits) ? file.substr(folder.size())
+                                                                                         : std::string_view();
+}
+
+// Whether the file is named as Writer names its own: N/LEVEL_NUMBER/meta.json.
+bool isOurs(std::string_view file, std::string_view folder) {
+  std::string_view rest = inFolder(file, folder);
+  if (!rest.ends_with(kFileMeta)) return false;
+  rest.remove_suffix(kFileMeta.size());
+  const std::size_t middle = rest.find('_');
+  return middle != std::string_view::npos && allOf(rest.substr(0, middle), kDigits) &&
+         allOf(rest.substr(middle + 1), kDigits);
+}
+
+// What our lod-meta.json that is there names, below the folder that it stands in: those files alone go with it, and
+// none where one of them has a name that Writer does not give, or lies behind a link.
 std::vector<fs::path> filesBefore(const fs::path& path) {
   const fs::path parent = path.parent_path().empty() ? fs::path(".") : path.parent_path();
   try {
     const LodScene scene = readLodScene(path);
     if (!scene.sh_degree) return {};  // another program's
     const std::string first = scene.files.front(), folder = first.substr(0, first.find('/') + 1);
+    const bool ours = std::ranges::all_of(scene.files, [&](const std::string& file) { return isOurs(file, folder); });
+    if (!ours || (!scene.cameras.empty() && inFolder(scene.cameras, folder) != kCamerasName)) return {};
     for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
       if (!isLodMeta(entry.path()) || entry.path().filename() == path.filename()) continue;
       const std::vector<std::uint8_t> other = readFile(entry.path(), kMostMetaBytes);
@@ -206,14 +231,16 @@ std::vector<fs::path> filesBefore(const fs::path& path) {
     if (!scene.cameras.empty()) files.push_back(parent / scene.cameras);
     for (const std::string& file : scene.files) {
       const fs::path meta = parent / file;
-      files.push_back(meta);
       if (!isFile(meta)) continue;
+      if (fs::canonical(meta.parent_path()) != fs::canonical(parent) / fs::path(file).parent_path()) return {};
+      files.push_back(meta);
       const nlohmann::json sog = parseJson(readFile(meta, kMostMetaBytes), meta.string());
       for (const nlohmann::json& part : sog) {
         if (!part.is_object() || !part.contains("files")) continue;
         for (const nlohmann::json& image : part["files"]) {
           const fs::path beside = image.is_string() ? fs::path(image.get<std::string>()) : fs::path();
-          if (beside == beside.filename()) files.push_back(meta.parent_path() / beside);
+          if (beside == beside.filename() && beside.extension() == ".webp")
+            files.push_back(meta.parent_path() / beside);
         }
       }
     }
@@ -267,7 +294,7 @@ class Writer {
       NewFolder folder(parent);
       makeLevels(counts);
       writeFiles(folder.path());
-      if (!source_.cameras.empty()) add(folder.path() / "cameras.json", formatCameras(source_.cameras));
+      if (!source_.cameras.empty()) add(folder.path() / kCamerasName, formatCameras(source_.cameras));
       const std::string name = folder.settle();
       const std::string meta = dumpJson(metaOf(counts, name));
       // What is there goes for what can be read.
@@ -348,10 +375,11 @@ class Writer {
                 {"intersection", name(source_.model.intersection)},
                 {"outside", name(source_.model.outside)},
                 {"background", numbersOf(source_.background)}};
-    if (!source_.cameras.empty()) own["cameras"] = folder + "/cameras.json";
+    if (!source_.cameras.empty()) own["cameras"] = folder + "/" + std::string(kCamerasName);
     meta[lod::kOwn] = std::move(own);
     Json& names = meta["filenames"] = Json::array();
-    for (std::size_t i = 0; i < files_.size(); ++i) names.push_back(folder + "/" + folderOf(i) + "/meta.json");
+    for (std::size_t i = 0; i < files_.size(); ++i)
+      names.push_back(folder + "/" + folderOf(i) + std::string(kFileMeta));
     Box whole;
     meta["tree"] = nodeOf(tree_.nodes.back(), whole);
     return meta;

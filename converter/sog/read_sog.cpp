@@ -24,7 +24,7 @@ namespace {
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{4} << 30;
 constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{16} << 20;
 constexpr std::size_t kCountAlwaysAllowed = 1 << 20;
-constexpr std::size_t kMostPerByte = 64;  // Gaussians: positions alone take six bytes where they are no pattern
+constexpr std::size_t kMostPerByte = 4;  // Gaussians: positions alone take six bytes where they are no pattern
 constexpr std::size_t kMaxName = 255;
 
 class SogReader {

@@ -137,7 +137,7 @@ const spoilt = [
   changed('tree/children/0/lods/0/file', 'constructor'), changed('tree/children/0/lods/0/count', -5),
   changed('tree/children/0/lods/0/count', 1e300), changed('tree/children/0/lods/0/count', 1.5),
   changed('tree/children/0/lods/0/offset', -1), changed('tree/children/0/lods/0/offset', 2 ** 40),
-  ...[['sh_degree', 4], ['texture_mode', 'toString'], ['intersection', 'x'], ['outside', 0], ['background', [2, 0, 0]],
+  ...[['sh_degree', 4], ['texture_mode', 'toString'], ['intersection', 'x'], ['outside', 0], ['background', ['x', 0, 0]],
       ['cameras', 3]]
     .map(([key, value]) => ({...good, TG_levels_of_detail: {...own, [key]: value}})),
 ];

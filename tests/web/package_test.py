@@ -249,6 +249,43 @@ def show_many(browser, address, references):
     expect("no word on the element's console", not browser.log, browser.log[:3])
 
 
+# Means of what Splats draw in a context of an engine's, and after it was lost and is there again.
+LOSE_CONTEXT = """(async () => {
+  const {Splats, loadModel, matricesOf} = await import('/web/src/index.js');
+  const canvas = document.createElement('canvas');
+  canvas.width = canvas.height = SIDE;
+  const gl = canvas.getContext('webgl2', {preserveDrawingBuffer: true});
+  const model = await loadModel('scene.glb');
+  const {worldFromCamera: m, projection} = matricesOf(model.cameras[0], SIDE, SIDE);
+  const axes = [0, 4, 8].map((at) => m.slice(at, at + 3));
+  const eye = axes.map((axis) => -axis.reduce((sum, x, k) => sum + x * m[12 + k], 0));
+  const viewFromModel = [...[0, 1, 2].flatMap((k) => [...axes.map((axis) => axis[k]), 0]), ...eye, 1];
+  const mean = async () => {
+    const splats = await Splats.inContext(gl, model);
+    do {
+      await new Promise((done) => setTimeout(done, 20));
+      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    } while (!splats.drawInto({viewFromModel, projection, viewport: [0, 0, SIDE, SIDE]}));
+    const pixels = new Uint8Array(4 * SIDE * SIDE);
+    gl.readPixels(0, 0, SIDE, SIDE, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    splats.dispose();
+    return pixels.reduce((sum, x) => sum + x, 0) / pixels.length;
+  };
+  const means = [await mean()];
+  const device = gl.getExtension('WEBGL_lose_context');
+  const event = (name) => new Promise((done) => canvas.addEventListener(name, (event) => {
+    event.preventDefault();
+    setTimeout(done, 50);
+  }, {once: true}));
+  const lost = event('webglcontextlost'), back = event('webglcontextrestored');
+  device.loseContext();
+  await lost;
+  device.restoreContext();
+  await back;
+  return [...means, await mean()];
+})()""".replace("SIDE", str(SIDE))
+
+
 # Red squares that face the camera: a near one on the left, one behind all on the right.
 THREE_MESHES = """(({THREE, scene, camera, draw}) => {
   const add = (distance, side) => {
@@ -374,6 +411,9 @@ def main():
                 if name == "element":
                     show_element(browser, server.address, references)
                     show_many(browser, server.address, references)
+                    before, after = browser.evaluate(LOSE_CONTEXT)
+                    expect("splats made anew in a context that was lost are seen", before > 10 and before == after,
+                           [before, after])
                 else:
                     show_engine(browser, server.address, name, {k: v for k, v in references.items()})
     return 1 if failures else 0

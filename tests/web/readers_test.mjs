@@ -137,6 +137,15 @@ for (const [hand, scale] of [[1, 1], [1, 3], [-1, 1]]) {  // -1: a left-handed v
 }
 expect('a mirrored model is not drawn', cameraOf(viewFromModel.map((x, k) => (k < 4 ? -x : x)), projection, 9, 9) === null);
 const back = parseView(formatView(camera, 4));
+const eyeAt = (eye, distance) => parseView(formatView({...camera, eye}, distance)).eye;
+for (const [eye, distance] of [[[51234.56, -4000.7, 12], 4], [[1e7 + 0.25, 0, -3], 2], [[0.001, 2, 3], 0.01]]) {
+  expect(`an eye at ${eye}`, eyeAt(eye, distance).every((x, k) => Math.abs(x - eye[k]) <= 1e-4 * distance),
+         eyeAt(eye, distance));
+}
+for (const zoom of [0.01, 100]) {  // wide and narrow lenses
+  const lens = {...camera, fx: zoom * camera.fx, fy: zoom * camera.fy};
+  expect('every lens is read again', parseView(formatView(lens, 4)) !== null, zoom);
+}
 expect('a view comes back from its word', back && back.distance === 4 &&
   back.axes.flat().every((x, k) => Math.abs(x - camera.axes.flat()[k]) < 1e-4), JSON.stringify(back));
 for (const key of ['fx', 'fy', 'cx', 'cy']) {

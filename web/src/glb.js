@@ -151,6 +151,8 @@ function placeBelow(node, parents) {
 }
 
 async function readAtlas(file, entry, mode) {
+  const {scale = [1, 1, 1, 1], offset = [0, 0, 0, 0]} = Object(entry);
+  if (!isNumbers(scale, 4) || !isNumbers(offset, 4)) throw new Error('scale or offset of an atlas is wrong');
   const image = async (index) => {
     const texture = file.list('textures')[index];
     const webp = texture && texture.extensions && texture.extensions[WEBP];
@@ -178,7 +180,7 @@ async function readAtlas(file, entry, mode) {
   };
   if (color) await put(color, 3, 0);
   if (alpha) await put(alpha, 1, 3);
-  return {width, height, deep, texels, scale: entry.scale || [1, 1, 1, 1], offset: entry.offset || [0, 0, 0, 0]};
+  return {width, height, deep, texels, scale, offset};
 }
 
 // `atlases`: as the primitive before has read them, or none yet.
@@ -289,7 +291,7 @@ function fromLogarithms(scale, componentType) {
   return signed || floats ? scale.map(Math.exp) : null;
 }
 
-const isColor = (value) => Array.isArray(value) && value.length === 3 && value.every((c) => c >= 0 && c <= 1);
+const isNumbers = (value, length) => Array.isArray(value) && value.length === length && value.every(Number.isFinite);
 
 // {count, mean, rotation (xyzw), scale, opacity, sh: [coefficient], layer or null, cameras, views: cameras that somebody
 // has chosen, the first one to start with, background, intersection, outside, notes: [text]}. World space is the file's:
@@ -332,7 +334,7 @@ export async function readGlb(bytes) {
     rotation: await own('ROTATION', 4), scale: await scales(), opacity: await own('OPACITY', 1),
     sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file, parents),
     views: views.map((view) => readCamera(Object(view), {}, Object(view))).filter(Boolean),
-    background: isColor(extras.background) ? extras.background : [0, 0, 0],
+    background: isNumbers(extras.background, 3) ? extras.background : [0, 0, 0],
     intersection: INTERSECTIONS[extras.intersection] ?? 1, outside: OUTSIDES[extras.outside] ?? 0, notes,
   };
   for (let l = 1; l <= 3; ++l) {

@@ -13,7 +13,7 @@ const NODES_AT_A_TIME = 256;  // between two looks at the clock
 
 // Whether bytes are a lod-meta.json, as it is or spoilt.
 export function isLodMeta(bytes) {
-  let at = 0;
+  let at = bytes[0] === 0xEF && bytes[1] === 0xBB && bytes[2] === 0xBF ? 3 : 0;
   while (at < bytes.length && [0x20, 0x09, 0x0A, 0x0D].includes(bytes[at])) ++at;
   return bytes[at] === 0x7B && bytes.length <= MOST_LOD_META && new TextDecoder().decode(bytes).includes('"lodLevels"');
 }
@@ -45,8 +45,8 @@ function readOwn(own) {
   expectThat(mode === 'none' || Object.hasOwn(MODES, mode), `${where}/texture_mode`, mode);
   expectThat(Object.hasOwn(INTERSECTIONS, intersection), `${where}/intersection`, intersection);
   expectThat(Object.hasOwn(OUTSIDES, outside), `${where}/outside`, outside);
-  expectThat(Array.isArray(background) && background.length === 3 && background.every((c) => c >= 0 && c <= 1),
-             `${where}/background`, 'expected 3 numbers from 0 to 1');
+  expectThat(Array.isArray(background) && background.length === 3 && background.every(Number.isFinite),
+             `${where}/background`, 'expected 3 numbers');
   expectThat(cameras === null || typeof cameras === 'string', `${where}/cameras`, cameras);
   return {shCoefficients: (degree + 1) ** 2 - 1, mode: MODES[mode] || 0, intersection: INTERSECTIONS[intersection],
           outside: OUTSIDES[outside], background, cameras};
@@ -64,7 +64,8 @@ function filled(levels) {
 // are pieces for each level. Throws at the first thing that cannot be.
 export async function parseLodMeta(bytes) {
   const meta = JSON.parse(new TextDecoder().decode(bytes));
-  const {lodLevels: levels, filenames: names} = Object(meta);
+  const {version, lodLevels: levels, filenames: names} = Object(meta);
+  expectThat(version === undefined || version === 1, '/version', `${version} (expected 1)`);
   expectThat(isCount(levels, 1, MOST_LEVELS), '/lodLevels', `${levels} (expected 1 to ${MOST_LEVELS})`);
   expectThat(Array.isArray(names) && names.length > 0 && names.length <= MOST_FILES &&
              names.every((name) => typeof name === 'string'), '/filenames', `expected 1 to ${MOST_FILES} names`);
@@ -90,12 +91,12 @@ export async function parseLodMeta(bytes) {
     const [node, where] = left.pop();
     expectThat(node && typeof node === 'object', where, 'expected a node');
     const {children, lods} = node;
-    if (!lods) {
+    if (!lods || children !== undefined) {
       const some = Array.isArray(children) && children.length + left.length <= MOST_LEAVES;
       expectThat(some, where, 'expected children or lods');
       for (let i = children.length - 1; i >= 0; --i) left.push([children[i], `${where}/children/${i}`]);
-      continue;
     }
+    if (!lods) continue;
     expectThat(scene.leaves.length < MOST_LEAVES, where, `more than ${MOST_LEAVES} leaves`);
     const box = readBound(node.bound, `${where}/bound`);
     const means = node[MEANS] ? readBound(node[MEANS], `${where}/${MEANS}`) : box;

@@ -79,6 +79,9 @@ export class SplatRenderer {
     return {program, shaders, uniforms: {}};
   }
 
+  // Whether the context has been lost since, though it may be there again.
+  get lost() { return !this.gl.isProgram(this.splat.program); }
+
   // Resolves when the programs are linked, which is waited for without asking the driver to hurry.
   linked() {
     this.ready = this.ready || Promise.all([this.splat, this.resolve].map((part) => this.link(part)))

@@ -13,7 +13,8 @@ export const modeName = (layer) => Object.keys(MODES).find((name) => MODES[name]
 const renderers = new WeakMap();  // of contexts that belong to other engines
 
 function rendererOf(gl) {
-  if (!renderers.has(gl)) renderers.set(gl, new SplatRenderer(gl, {shared: true}));
+  const known = renderers.get(gl);
+  if (!known || (known.lost && !gl.isContextLost())) renderers.set(gl, new SplatRenderer(gl, {shared: true}));
   return renderers.get(gl);
 }
 

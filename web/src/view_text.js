@@ -3,7 +3,7 @@
 // [degrees], width over height of what is then in view, distance to what it turns about; behind it, where pixels are
 // not square or the centre is not in the middle: fx over fy, cx over width, cy over height.
 
-const DIGITS = 5;
+const DIGITS = 5, MOST_DIGITS = 15;
 const HEIGHT = 720;
 const PLAIN_LENS = [1, 0.5, 0.5];
 const LEAST_SHIFT = 1e-5;
@@ -28,10 +28,14 @@ export function axesOf([x, y, z, w]) {
 
 export function formatView(camera, distance) {
   const fov = 2 * Math.atan(0.5 * camera.height / camera.fy) * 180 / Math.PI;
-  const numbers = [...camera.eye, ...quaternionOf(camera.axes), fov, camera.width / camera.height, distance];
+  const numbers = [...quaternionOf(camera.axes), fov, camera.width / camera.height, distance];
   const lens = [camera.fx / camera.fy, camera.cx / camera.width, camera.cy / camera.height];
   if (lens.some((x, k) => Math.abs(x - PLAIN_LENS[k]) > LEAST_SHIFT)) numbers.push(...lens);
-  return numbers.map((x) => String(Number(x.toPrecision(DIGITS)))).join(',');
+  const text = (x, digits) => String(Number(x.toPrecision(digits)));
+  // The eye lies as exactly as is seen from the distance, however far it is from the origin.
+  const digits = (x) => DIGITS + Math.max(Math.ceil(Math.log10(Math.abs(x) / distance)), 0);
+  return [...camera.eye.map((x) => text(x, x === 0 ? DIGITS : Math.min(digits(x), MOST_DIGITS))),
+          ...numbers.map((x) => text(x, DIGITS))].join(',');
 }
 
 // A camera with its distance, or null.
@@ -42,7 +46,7 @@ export function parseView(text) {
   const turn = numbers.slice(3, 7), length = Math.hypot(...turn);
   const [fov, aspect, distance] = numbers.slice(7);
   const [stretch, cx, cy] = numbers.length === 13 ? numbers.slice(10) : PLAIN_LENS;
-  if (!(Math.abs(length - 1) < 0.01 && fov >= 1 && fov <= 170 && aspect >= 0.01 && aspect <= 100 && distance > 0)) return null;
+  if (!(Math.abs(length - 1) < 0.01 && fov > 0 && fov < 180 && aspect >= 0.01 && aspect <= 100 && distance > 0)) return null;
   if (!(stretch >= 0.01 && stretch <= 100 && Math.abs(cx) <= 100 && Math.abs(cy) <= 100)) return null;
   const fy = 0.5 * HEIGHT / Math.tan(fov * Math.PI / 360), width = HEIGHT * aspect;
   return {name: '', test: false, width, height: HEIGHT, fx: stretch * fy, fy, cx: cx * width, cy: cy * HEIGHT,

@@ -48,6 +48,7 @@ async function readRows(gl, begin, end, width, out) {
 
 // The pixels of a frame as they are, or null where it has others than RGBA.
 async function pixelsOf(frame, width, height) {
+  if (!frame.format) return null;
   const swapped = frame.format.startsWith('BGR');
   if (!swapped && !frame.format.startsWith('RGB')) return null;
   if (frame.codedWidth !== width || frame.codedHeight !== height) {
@@ -70,7 +71,8 @@ async function decodeByCodec(bytes, width, height) {
   const decoder = new ImageDecoder({data: bytes, type: 'image/webp', premultiplyAlpha: 'none',
                                     colorSpaceConversion: 'none', preferAnimation: false});
   try {
-    const {image} = await decoder.decode();
+    const image = await decoder.decode().then((decoded) => decoded.image, () => null);  // the WebGL way says why
+    if (!image) return null;
     try {
       return await pixelsOf(image, width, height);
     } finally {

@@ -123,7 +123,12 @@ function listenToDrops(viewer, panel) {
 // What the address says of the view; what cannot be is named, and the rest is done.
 function takeAddress(viewer) {
   const words = (text) => Object.fromEntries(new URLSearchParams(text));
-  const wanted = {...words(location.search), ...words(location.hash.slice(1))};
+  const first = words(location.search), then = words(location.hash.slice(1));
+  if (then.camera !== undefined || then.view !== undefined) {
+    delete first.camera;
+    delete first.view;
+  }
+  const wanted = {...first, ...then};
   const reasons = viewer.applyWhatCan(wanted);
   const notes = [...viewer.model.notes, ...reasons.map((reason) => `The address: ${reason}.`)];
   showMessage(notes.join(' '), true);

@@ -226,8 +226,8 @@ class Panel {
     press('intersection', settings.intersection);
     element('play').setAttribute('aria-pressed', String(viewer.playing));
     element('camera').value = viewer.viewIndex >= 0 ? `v${viewer.viewIndex}` : String(viewer.cameraIndex);
-    element('background').value =
-      '#' + settings.background.map((c) => Math.round(c * 255).toString(16).padStart(2, '0')).join('');
+    const bytes = settings.background.map((c) => Math.round(Math.min(Math.max(c, 0), 1) * 255));
+    element('background').value = '#' + bytes.map((byte) => byte.toString(16).padStart(2, '0')).join('');
     if (viewer.moving && viewer.gap) element('speed').textContent = `${viewer.gap.toFixed(0)} ms`;
   }
 }

@@ -7,9 +7,9 @@ const COLORS = {train: '#5b8af0', test: '#f0a35b', loss: '#6fc2a0', gaussians: '
 
 const token = new URLSearchParams(location.search).get('token');
 
-async function ask(path) {
+async function ask(path, options = {}) {
   const headers = token ? {Authorization: `Bearer ${token}`} : {};
-  const answer = await fetch(path, {headers});
+  const answer = await fetch(path, {headers, ...options});
   if (!answer.ok) throw new Error((await answer.text()).trim() || `${path}: ${answer.status}`);
   return answer;
 }
@@ -172,7 +172,7 @@ async function startLive() {
   };
   let start = null;
   const once = async () => {
-    const state = await (await ask(run.question)).json();
+    const state = await (await ask(run.question, {signal: AbortSignal.timeout(LOST_AFTER)})).json();
     answered = performance.now();
     if (start !== null && state.start !== start) {  // another program, with numbers of its own
       location.reload();

@@ -110,6 +110,32 @@ TEST_CASE("a scene in levels of detail is replaced by --overwrite only") {
     REQUIRE(tgconvert(scratch, "in.ply other/lod-meta.json --quiet --overwrite").code == 0);
     CHECK(fs::exists(scratch.folder() / "other/2024/photo.jpg"));
   }
+  SECTION("and nothing that has another name than such a scene's files") {
+    const fs::path folder = scratch.folder() / "s";
+    const auto whole = nlohmann::json::parse(Glb::slurp(folder / "lod-meta.json"));
+    const std::string first = whole["filenames"][0];
+    std::ofstream(folder / "budget.json") << R"({"means": {"files": ["thesis.webp"]}})";
+    std::ofstream(folder / "thesis.webp") << "mine";
+    fs::create_directories(folder / "photos");
+    std::ofstream(folder / "photos/cameras.json") << "[]";
+    std::ofstream(folder / fs::path(first).parent_path() / "thesis.txt") << "mine";
+    auto image = nlohmann::json::parse(Glb::slurp(folder / first));
+    image["means"]["files"] = {"thesis.txt"};
+    std::ofstream(folder / first) << image;
+    for (const auto& [key, value] : {std::pair<std::string, nlohmann::json>("/filenames/0", "budget.json"),
+                                     {"/TG_levels_of_detail/cameras", "photos/cameras.json"},
+                                     {"/filenames/0", first}}) {
+      auto json = whole;
+      json[nlohmann::json::json_pointer(key)] = value;
+      std::ofstream(folder / "lod-meta.json") << json;
+      REQUIRE(tgconvert(scratch, "in.ply s/lod-meta.json --quiet --overwrite").code == 0);
+      for (const fs::path& name : {fs::path("budget.json"), fs::path("thesis.webp"), fs::path("photos/cameras.json"),
+                                  fs::path(first).parent_path() / "thesis.txt"}) {
+        INFO(key << " " << value);
+        CHECK(fs::exists(folder / name));
+      }
+    }
+  }
 }
 
 TEST_CASE("tgconvert says which file of a scene in levels of detail is broken, with exit code 3, and writes nothing") {
