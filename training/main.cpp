@@ -51,12 +51,12 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
 
   options.title = tg::nameOf("", options.dataset);
   options.dataset = photos.work.string();
-  options.run.resume = !own_run || ledger.isBegun(tg::PhotoStage::training, made_of);
+  options.run.resume = ledger.isBegun(tg::PhotoStage::training, made_of);
   if (!options.run.resume) {
     tg::checkOutputs(options, false);
     tg::checkData(options);  // before the run that is there goes
     std::error_code error;
-    fs::remove_all(options.run.folder, error);
+    if (own_run) fs::remove_all(options.run.folder, error);
     if (error) throw tg::Error(tg::ErrorKind::cannotWrite, options.run.folder.string(), error.message());
     ledger.begin(tg::PhotoStage::training, made_of);
   }
@@ -97,6 +97,10 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
     std::error_code ignored;
     if (photos->count("--frames") > 0 && fs::is_directory(photos_options.dataset, ignored)) {
       throw tg::Error(tg::ErrorKind::usage, "--frames expects a film (" + photos_options.dataset + " is a folder)");
+    }
+    for (const char* flag : {"--layout", "--image-folder"}) {
+      if (photos->count(flag) == 0) continue;
+      throw tg::Error(tg::ErrorKind::usage, std::string(flag) + " is of a data set, and photos makes its own");
     }
     tg::warnIdleSettings(photos_options);
     return runPhotos(photos_flags, photos_options);

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -22,6 +21,7 @@
 #include "training/data/plan_blocks.h"
 #include "training/farm/jobs.h"
 #include "training/settings/schedule.h"
+#include "training/train_flags.h"
 
 namespace tg {
 namespace {
@@ -41,25 +41,27 @@ glm::ivec2 gridOf(const std::string& text) {
   return {columns, rows};
 }
 
-// Whether a training with these flags has more Gaussians than its limit until pairs are merged; what a file says to
-// --config is not known.
-bool merges(const std::vector<std::string>& flags) {
-  std::map<std::string, std::string> given;
-  for (std::size_t i = 0; i < flags.size(); ++i) {
-    const std::size_t equals = flags[i].find('=');
-    if (equals != std::string::npos) {
-      given[flags[i].substr(0, equals)] = flags[i].substr(equals + 1);
-    } else if (i + 1 < flags.size()) {
-      given[flags[i]] = flags[i + 1];
+// Of every training. What a file says to --config is not known: it is read where the training is.
+TrainSettings trainedWith(const std::vector<std::string>& flags) {
+  CLI::App app;
+  TrainFlags options;
+  addTrainingOptions(app, options);
+  std::string file;
+  app.set_config();
+  app.add_option("--config", file);
+  try {
+    std::vector<std::string> words(flags.rbegin(), flags.rend());
+    words.insert(words.end(), {"1", "--gaussians"});  // as all of them have a count
+    app.parse(std::move(words));
+    if (!options.dataset.empty()) {
+      throw Error(ErrorKind::usage, options.dataset + ": is no flag (expected --NAME VALUE)");
     }
+    return settingsOf(options);
+  } catch (const CLI::Error& error) {
+    throw Error(ErrorKind::usage, std::string("--train: ") + error.what());
+  } catch (const Error& error) {
+    throw Error(error.kind, std::string("--train: ") + error.what());
   }
-  TrainSettings settings = presetSettings(given.contains("--preset") ? given["--preset"] : "default");
-  for (const SettingEntry& entry : settingEntries()) {
-    const bool decides = entry.name == "limit-by" || entry.name == "densification" || entry.name == "iterations" ||
-                         entry.name == "densify-until";
-    if (decides && given.contains("--" + entry.name)) entry.set(settings, given["--" + entry.name]);
-  }
-  return makeSchedule(settings).merge_after > 0;
 }
 
 // What --train cannot say: each block is a .tgz, and has flags of its own.
@@ -70,7 +72,7 @@ void refuseOwn(const std::vector<std::string>& flags, bool by_memory) {
       throw Error(ErrorKind::usage, "--train: " + name + " is for one file (expected it of tgconvert, for the whole)");
     }
     if (name == "--gaussians" || name == "--percent" || name == "--test-every" || name == "--context" ||
-        (by_memory && name == "--image-memory")) {
+        name == "--layout" || (by_memory && name == "--image-memory")) {
       throw Error(ErrorKind::usage, "--train: " + name + " is split's own to choose (expected without it)");
     }
   }
@@ -138,7 +140,8 @@ void splitScene(const SplitFlags& flags) {
   std::istringstream words(flags.train);
   const std::vector<std::string> common = {std::istream_iterator<std::string>(words), {}};
   refuseOwn(common, flags.memory > 0);
-  if (merges(common)) {
+  // Whether it has more Gaussians than its limit until pairs are merged.
+  if (makeSchedule(trainedWith(common)).merge_after > 0) {
     options.grown = [pixels = trainingPixels(dataset)](std::size_t limit) { return grownLimit(limit, pixels); };
   }
   const std::vector<PlannedBlock> plan = planBlocks(dataset, glm::normalize(up), options);

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <limits>
 #include <memory>
 #include <string_view>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "converter/registry/file_format.h"
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
+#include "core/file/sha256.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -233,7 +235,8 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
       }
     }
     const fs::path& run = options.run.folder;
-    for (const char* own : {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json"}) {
+    for (const char* own :
+         {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json", "live.tgz", "live.json", "control", "previews"}) {
       if (run.empty() || placeOf(path) != placeOf(run / own)) continue;
       throw Error(ErrorKind::usage, path, "is written in any case, by the run folder (expected another name)");
     }
@@ -259,7 +262,10 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
     throw Error(ErrorKind::usage, flag + expects + " a run folder (--run FOLDER)");
   }
   if (options.watch) requireViewer();
-  datasetOptions(options.data);
+  checkDatasetOptions(datasetOptions(options.data));
+  if (!options.context.empty() && !isFile(options.context)) {
+    throw Error(ErrorKind::cannotRead, options.context, "no such file");
+  }
   std::optional<Bundle> start = startModel(options);
   const GaussianModel* model = start ? &start->model : nullptr;
   if (options.target_bytes > 0) planSize(options, 0, model, !together, settings);
@@ -271,8 +277,12 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
 std::string trainingMadeOf(const TrainFlags& options) {
   const DatasetFlags& data = options.data;
   std::string text = formatSettings(settingsOf(options));
+  const auto contentOf = [](const std::string& file) {
+    return isFile(file) ? sha256Hex(readFile(file, std::numeric_limits<std::uint64_t>::max())) : "";
+  };
   for (const std::string& part :
        {options.start_model, options.context, data.background, data.images, data.points, data.masks,
+        contentOf(options.start_model), contentOf(options.context), contentOf(data.points),
         std::to_string(data.downscale), std::to_string(data.test_every), std::to_string(data.validation)}) {
     text += part + "\n";
   }

@@ -158,6 +158,7 @@ void refuseIdleFlags(const CLI::App& app, const TrainFlags& options) {
     if (app.count(flag) > 0) throw Error(ErrorKind::usage, std::string(flag) + " expects " + expected);
   };
   if (!options.start_model.empty()) refuse("--points", "no --start-model, which is a start of its own");
+  if (settingsOf(options).start == Start::random) refuse("--points", "no --start random, which has its own");
   if (!options.run.folder.empty()) return;
   for (const char* flag : {"--checkpoint-every", "--preview-every"}) refuse(flag, "a run folder (--run FOLDER)");
   if (!options.serve.empty()) return;
@@ -192,6 +193,19 @@ void warnIdleSettings(const TrainFlags& options) {
   if (!options.start_model.empty()) {
     warn("--start-model",
          [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
+  }
+  if (settings.percent == 0) {
+    warn("a limit that is no share (--percent)",
+         [](const SettingEntry& entry) { return entry.name == "default-gaussians"; });
+  }
+  if (by_adc && settings.percent == 0 && settings.gaussians == 0 && options.target_bytes == 0) {
+    warn("no limit (--gaussians, --percent or --target-size)",
+         [](const SettingEntry& entry) { return entry.name == "limit-by"; });
+  }
+  if (settings.densification == Densification::none) {
+    warn("--densification none", [](const SettingEntry& entry) {
+      return entry.name.starts_with("densify-") && !entry.help.starts_with("adc: ");
+    });
   }
   if (!by_adc) {
     const std::string densification(name(settings.densification));

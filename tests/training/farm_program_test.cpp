@@ -121,22 +121,25 @@ TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
   writeJobs(folder, "2", 1, "60");
+  fs::copy(folder / "scene", folder / "photos", fs::copy_options::recursive);  // as a command is called
   std::ofstream(folder / "jobs.jsonl", std::ios::app)
       << "{\"name\": \"absent\", \"dataset\": \"nowhere\"}\n"
       << "{\"name\": \"wrong\", \"dataset\": \"scene\", \"flags\": [\"--gausians\", \"3\"]}\n"
+      << "{\"name\": \"command\", \"dataset\": \"photos\", \"flags\": [\"--iterations\", \"2\", "
+         "\"--texture-iterations\", \"0\"]}\n"
       << "{\"name\": \"prints\", \"dataset\": \"scene\", \"flags\": [\"--print-config\"]}\n";
   const Outcome worker = tgtrain(folder, "farm jobs.jsonl --out farm --retries 1");
   INFO(worker.output);
   CHECK(worker.code == 2);
   CHECK_THAT(worker.output,
-             Contains("absent: attempt 1 failed with exit code 2, tried again: nowhere: ") &&
-                 Contains("absent: attempt 2 failed with exit code 2; given up: nowhere: ") &&
+             Contains("absent: attempt 1 failed with exit code 2, tried again: ./nowhere: ") &&
+                 Contains("absent: attempt 2 failed with exit code 2; given up: ./nowhere: ") &&
                  Contains("wrong: attempt 1 failed with exit code 1; given up: no such option") &&
                  Contains("prints: attempt 1 failed with exit code 1; given up: ended without a model") &&
-                 Contains("1 of 4 jobs done, 3 given up"));
+                 Contains("2 of 5 jobs done, 3 given up"));
   const Outcome status = tgtrain(folder, "farm --status farm --html farm.html");
   CHECK(status.code == 0);
-  CHECK_THAT(status.output, Contains("1 of 4 done, 3 failed") && Contains("2, 2 failed"));
+  CHECK_THAT(status.output, Contains("2 of 5 done, 3 failed") && Contains("2, 2 failed"));
   CHECK_THAT(contents(folder / "farm.html"), Contains("<td>wrong</td><td>failed</td>"));
   CHECK(tgtrain(folder, "farm --status farm --html farm.html").code == 4);
 }

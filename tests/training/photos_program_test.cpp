@@ -349,6 +349,12 @@ TEST_CASE("what training would refuse is refused before cameras are looked for",
            {"-o x.tgz --serve-token 0123456789", 1, "(expected --serve with it)"},
            {"-o x.tgz --background 7", 1, "--background: not a colour"},
            {"-o x.tgz --start-model none.ply", 2, "none.ply"},
+           {"-o x.tgz --test-every 1", 1, "the test split needs 0 (none) or at least 2"},
+           {"-o x.tgz --downscale 65", 1, "downscale factor out of range"},
+           {"-o x.tgz --points none.ply", 2, "none.ply: no such file"},
+           {"-o x.tgz --context none.tgz", 2, "none.tgz: no such file"},
+           {"-o x.tgz --layout colmap", 1, "--layout is of a data set, and photos makes its own"},
+           {"-o x.tgz --image-folder images_2", 1, "--image-folder is of a data set"},
            {"-o x.tgz --device cuda", 5, "CUDA"}}) {
     const Outcome refused =
         run(trial, "CUDA_VISIBLE_DEVICES= PATH=\"$PWD/bin:$PATH\" '" TG_TGTRAIN "' photos photos " + flags + kShort);
@@ -368,6 +374,29 @@ TEST_CASE("other steps of the file are another training", "[photos]") {
   const Outcome other = trial.photos(train + "4");
   CHECK(other.code == 4);
   CHECK_THAT(other.output, Contains("x.sog: exists already"));
+}
+
+TEST_CASE("a run folder that is named goes on, and begins anew with --overwrite where a flag changed", "[photos]") {
+  const Trial trial;
+  const std::string train = "photos -o x.tgz --run kept --texture-iterations 2 --gaussians 40 --iterations ";
+  REQUIRE(trial.photos(train + "5").code == 0);
+  CHECK(trial.photos(train + "5").code == 0);
+  CHECK(trial.photos(train + "6").code == 4);
+  const Outcome anew = trial.photos(train + "6 --overwrite");
+  INFO(anew.output);
+  CHECK(anew.code == 0);
+}
+
+TEST_CASE("a start model of the same name and other content is another training", "[photos]") {
+  const Trial trial;
+  REQUIRE(trial.photos("photos -o start.tgz --iterations 4 --texture-iterations 2 --gaussians 40").code == 0);
+  const std::string train = "photos -o x.tgz --start-model start.tgz" + kShort;
+  REQUIRE(trial.photos(train).code == 0);
+  REQUIRE(trial.photos("photos -o start.tgz --iterations 5 --texture-iterations 2 --gaussians 40 --overwrite").code ==
+          0);
+  const Outcome other = trial.photos(train + " --overwrite");
+  INFO(other.output);
+  CHECK(other.code == 0);
 }
 
 TEST_CASE("a film of the real ffmpeg becomes frames, the right way up", "[photos]") {

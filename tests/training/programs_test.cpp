@@ -356,8 +356,11 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
     const std::string name = entry.path().filename().string();
     CHECK((name == "scene" || name == "log.txt"));
   }
-  CHECK_THAT(tgtrain(folder, forever + "--run r --json r/../r/checkpoint").output,
-             Contains("is written in any case, by the run folder"));
+  for (const std::string output :
+       {"--json r/../r/checkpoint", "-o r/live.tgz", "--json r/live.json", "--json r/control"}) {
+    CHECK_THAT(tgtrain(folder, forever + "--run r " + output).output,
+               Contains("is written in any case, by the run folder"));
+  }
 }
 
 TEST_CASE("what is missing is named, and nothing else", "[programs]") {
@@ -396,6 +399,14 @@ TEST_CASE("a setting that nothing uses is warned of where a flag names it", "[pr
   CHECK(said("--texture-iterations 0 --densification none --limit-by swap --mcmc-noise 1") ==
         "tgtrain: --limit-by: does nothing with --densification none\n"
         "tgtrain: --mcmc-noise: does nothing with --densification none\n");
+  CHECK(said("--texture-iterations 0 --densification none --densify-every 9 --default-gaussians 50") ==
+        "tgtrain: --default-gaussians: does nothing with a limit that is no share (--percent)\n"
+        "tgtrain: --densify-every: does nothing with --densification none\n");
+  CHECK(said("--texture-iterations 0 --limit-by swap") ==
+        "tgtrain: --limit-by: does nothing with no limit (--gaussians, --percent or --target-size)\n");
+  CHECK(said("--texture-iterations 0 --limit-by swap --gaussians 50").empty());
+  CHECK(said("--start random --points scene/points3d.ply") ==
+        "tgtrain: --points expects no --start random, which has its own\n");
   // A file names them all.
   REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --texture-iterations 0 > all.toml").code == 0);
   CHECK(said("--config all.toml").empty());

@@ -222,6 +222,23 @@ TEST_CASE("training outlives a checkpoint that cannot be written, but does not e
   CHECK_THAT(child.output(), Contains("run/checkpoint: exists and is not a regular file"));
 }
 
+TEST_CASE("a preview that cannot be written keeps no checkpoint back", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  Child child(folder, kForever + "--run run --checkpoint-every 0.05 --preview-every 1");
+  child.until([&] { return fs::exists(folder / "run/previews"); });
+  while (fs::is_directory(folder / "run/previews")) {
+    std::error_code ignored;
+    fs::remove_all(folder / "run/previews", ignored);
+    std::ofstream(folder / "run/previews") << "a file";
+  }
+  child.until([&] { return child.output().find("(training goes on)") != std::string::npos; });
+  fs::remove(folder / "run/checkpoint");
+  child.until([&] { return fs::exists(folder / "run/checkpoint"); });
+  child.send(SIGHUP);
+  CHECK(child.end() == 128 + SIGHUP);
+}
+
 TEST_CASE("training outlives who reads what it says", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

@@ -35,6 +35,17 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   REQUIRE(split.code == 0);
   CHECK_THAT(split.output, Contains("block_0_0: ") && Contains("wrote 2 blocks to blocks"));
   CHECK_THAT(contents(folder / "blocks/jobs.jsonl"), Contains("\"--context\",\"../coarse.tgz\""));
+  for (const auto& [train, why] : std::initializer_list<std::pair<std::string, std::string>>{
+           {"--no-such 3", "--no-such"},
+           {"--layout colmap", "--layout is split's own to choose"},
+           {"elsewhere", "elsewhere: is no flag"},
+           {"--iterations many", "--iterations"}}) {
+    const Outcome refused = program(folder, TG_TGTRAIN, "split city no --blocks 2x1 --train '" + train + "'");
+    INFO(refused.output);
+    CHECK(refused.code == 1);
+    CHECK_THAT(refused.output, Contains("--train: ") && Contains(why));
+    CHECK_FALSE(fs::exists(folder / "no"));
+  }
   // What grows before it is merged counts where the jobs merge.
   int splits = 0;
   const auto wanted = [&](const std::string& train) {

@@ -30,8 +30,8 @@ DatasetLayout detectLayout(const fs::path& folder) {
   // COLMAP first: folders that hold both describe one scene, and COLMAP's has points.
   if (findColmapModel(folder)) return DatasetLayout::colmap;
   if (isFile(folder / "transforms_train.json")) {
-    // With calibrated cameras it is a scene of photographs, whose split stands in two files.
-    const bool photographs = !isFile(folder / "transforms.json") && namesFocalLengths(folder / "transforms_train.json");
+    // With calibrated cameras it is a scene of photographs, whose split stands in two files where there is no third.
+    const bool photographs = namesFocalLengths(folder / "transforms_train.json");
     return photographs ? DatasetLayout::transforms : DatasetLayout::nerfSynthetic;
   }
   if (isFile(folder / "transforms.json")) return DatasetLayout::transforms;
@@ -92,6 +92,23 @@ bool isFolder(const fs::path& path) {
 // Whether a picture is 1/factor of another, give or take the rounding of whoever reduced it.
 bool isReduced(int small, int large, int factor) { return std::abs(std::int64_t{small} * factor - large) < factor; }
 
+// Before others are read in their place: lengths in pixels are of the photographs that the cameras name, and of their
+// size where none stands beside them.
+void knowSizes(DatasetIndex& index) {
+  parallelFor(static_cast<std::int64_t>(index.entries.size()), 1, [&](std::int64_t i) {
+    DatasetIndex::Entry& entry = index.entries[static_cast<std::size_t>(i)];
+    const bool in_pixels = entry.focal_x || entry.focal_y || entry.center_x || entry.center_y;
+    if (entry.camera.size.x > 0 || entry.below_images.empty() || !in_pixels) return;
+    if (!isFile(entry.image)) {
+      throw Error(
+          ErrorKind::badData, entry.image.string(),
+          "is not there to tell the size that its camera's fl_x, cx or cy are of (expected w and h beside them)");
+    }
+    const Image image = readImage(entry.image);
+    entry.camera = intrinsicsOf(entry, entry.camera, {image.width, image.height});
+  });
+}
+
 // The data set's own reduced photographs spare the decoding of the large ones. Points the entries at `images_N` and
 // returns true where it holds all of them at the size that the factor asks for.
 bool useReducedFolder(const fs::path& folder, int factor, DatasetIndex& index, std::vector<std::string>& notes) {
@@ -124,6 +141,7 @@ bool useReducedFolder(const fs::path& folder, int factor, DatasetIndex& index, s
                     "): images is reduced instead");
     return false;
   }
+  knowSizes(index);
   for (DatasetIndex::Entry& entry : index.entries) entry.image = reduced(entry);
   notes.push_back("photographs are read from " + name + ", which holds them at 1/" + std::to_string(factor));
   return true;
@@ -378,12 +396,7 @@ void Dataset::prefetch(std::size_t view) const {
   photographs->prefetch(view);
 }
 
-Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
-  std::error_code code;
-  if (!fs::exists(place, code)) throw Error(ErrorKind::cannotRead, place.string(), "no such folder");
-  if (!fs::is_directory(place, code)) {
-    throw Error(ErrorKind::cannotRead, place.string(), "not a folder (expected a data set)");
-  }
+void checkDatasetOptions(const DatasetOptions& options) {
   if (options.downscale < 1 || options.downscale > kMaxDownscale) {
     throw Error(ErrorKind::usage, "downscale factor out of range (expected 1 to " + std::to_string(kMaxDownscale) +
                                       ", found " + std::to_string(options.downscale) + ")");
@@ -392,6 +405,18 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     throw Error(ErrorKind::usage,
                 "the test split needs 0 (none) or at least 2 (found " + std::to_string(options.test_every) + ")");
   }
+  if (options.points && !isFile(*options.points)) {
+    throw Error(ErrorKind::cannotRead, options.points->string(), "no such file");
+  }
+}
+
+Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
+  std::error_code code;
+  if (!fs::exists(place, code)) throw Error(ErrorKind::cannotRead, place.string(), "no such folder");
+  if (!fs::is_directory(place, code)) {
+    throw Error(ErrorKind::cannotRead, place.string(), "not a folder (expected a data set)");
+  }
+  checkDatasetOptions(options);
 
   Dataset dataset;
   const std::optional<BlockFile> block = readBlock(place);
@@ -407,7 +432,10 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   if (dataset.layout == DatasetLayout::automatic) dataset.layout = detectLayout(folder);
   DatasetIndex index =
       dataset.layout == DatasetLayout::colmap ? readColmap(folder) : readTransforms(folder, dataset.layout);
-  for (DatasetIndex::Entry& entry : index.entries) entry.listed = entry.image.lexically_relative(folder).string();
+  const fs::path whole = fs::absolute(folder).lexically_normal();
+  for (DatasetIndex::Entry& entry : index.entries) {
+    entry.listed = fs::absolute(entry.image).lexically_normal().lexically_relative(whole).string();
+  }
   const glm::vec3 usual(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f);
   dataset.background = options.background.value_or(index.background.value_or(usual));
   dataset.random_background = options.random_background;
@@ -423,6 +451,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   std::string images = options.images;
   int downscale = options.downscale;
   if (images != "images") {
+    knowSizes(index);
     bool follows = false;
     for (DatasetIndex::Entry& entry : index.entries) {
       if (entry.below_images.empty()) continue;

@@ -74,6 +74,8 @@ struct DatasetOptions {
 // A folder with block.json is some photographs of the data set that it names, with the same ones held out, and its own
 // points3d.ply. Throws Error(cannotRead / badData / usage).
 Dataset loadDataset(const std::filesystem::path& place, const DatasetOptions& options = {});
+// What loadDataset() refuses of the options without a look at the data set. Throws Error.
+void checkDatasetOptions(const DatasetOptions& options);
 
 // 1.1 * the largest distance of a training camera from their mean, as 3DGS has it. [world units]
 double cameraExtent(const Dataset& dataset);

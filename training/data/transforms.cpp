@@ -144,11 +144,15 @@ void setIntrinsics(const JsonNode& top, const JsonNode& frame, DatasetIndex::Ent
   entry.camera = intrinsicsOf(entry, entry.camera, {*width, *height});
 }
 
-// As a path of this system. Tools on Windows write backslashes; here they may also be part of a name that exists.
+// As a path of this system, from the folder where it lies in there. Tools on Windows write backslashes; here they may
+// also be part of a name that exists.
 std::string portable(const fs::path& folder, std::string file_path) {
   std::error_code ignored;
   if (!fs::exists(folder / file_path, ignored)) std::replace(file_path.begin(), file_path.end(), '\\', '/');
-  return file_path;
+  if (!fs::path(file_path).is_absolute()) return file_path;
+  const fs::path below =
+      fs::path(file_path).lexically_normal().lexically_relative(fs::absolute(folder).lexically_normal());
+  return below.empty() || *below.begin() == ".." ? file_path : below.string();
 }
 
 fs::path imagePath(const fs::path& folder, const std::string& file_path) {
@@ -217,6 +221,11 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
     setIntrinsics(top, frame, entry);
     setPose(frame, entry.camera);
     index.entries.push_back(std::move(entry));
+  }
+  const auto isTest = [](const DatasetIndex::Entry& entry) { return entry.camera.test; };
+  if (!test && !test_files.empty() && std::ranges::none_of(index.entries, isTest)) {
+    top.fail("the list of what is held out names none of the " + std::to_string(frames->size()) +
+             " frames (test_filenames or val_filenames)");
   }
   if (index.entries.empty() && index.outside_split > 0) {
     top.fail("train_filenames names none of the " + std::to_string(index.outside_split) + " frames");

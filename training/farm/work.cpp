@@ -164,7 +164,8 @@ class Worker {
     fs::create_directory(result, error);
     if (error) throw Error(ErrorKind::cannotWrite, result.string(), "cannot make this folder: " + error.message());
     ChildCommand command;
-    command.words = {kThisProgram, job.dataset};
+    // A name alone may be that of a command.
+    command.words = {kThisProgram, fs::path(job.dataset).is_absolute() ? job.dataset : "./" + job.dataset};
     command.words.insert(command.words.end(), job.flags.begin(), job.flags.end());
     if (std::ranges::find(job.flags, "--reproducible") == job.flags.end()) command.words.push_back("--reproducible");
     if (options_.threads > 0) command.words.push_back("--threads=" + std::to_string(options_.threads));
@@ -240,7 +241,8 @@ class Worker {
       if (code == 0) code = view.failure->code;
     }
     listener_.say(std::to_string(done) + " of " + std::to_string(jobs()) + " jobs done" +
-                  (failed > 0 ? ", " + std::to_string(failed) + " given up" : ""));
+                  (failed > 0 ? ", " + std::to_string(failed) + " given up" : "") +
+                  (done + failed < jobs() ? ", others are at " + std::to_string(jobs() - done - failed) : ""));
     const bool ours = code >= 0 && code <= static_cast<int>(ErrorKind::device);
     return ours ? code : static_cast<int>(ErrorKind::device);
   }

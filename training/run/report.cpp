@@ -153,6 +153,7 @@ std::string datasetFingerprint(const Dataset& dataset) {
     hash.add(pixels->mask.data(), pixels->mask.size());
   }
   hash.add(dataset.points.position.data(), dataset.points.position.size() * sizeof(glm::vec3));
+  hash.add(dataset.points.color.data(), dataset.points.color.size() * sizeof(glm::vec3));
   return hash.text();
 }
 

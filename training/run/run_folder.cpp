@@ -266,12 +266,19 @@ void RunFolder::afterStep(const Trainer& trainer) {
   log_.afterStep(trainer, seconds(), [this](const RunMetrics& line) { writeMetrics(line); });
   const TrainProgress progress = trainer.progress();
   const bool last = progress.iteration == progress.iterations;
-  try {
-    if (options_.preview_every > 0 && progress.iteration % options_.preview_every == 0) writePreview(trainer);
-    if (!saved_ || last || Clock::now() >= next_save_) save(trainer);
-  } catch (const Error& error) {
+  const auto wentWrong = [this](const Error& error) {
     if (!saved_ || error.kind != ErrorKind::cannotWrite) throw;
     std::fprintf(stderr, "tgtrain: %s (training goes on)\n", error.what());
+  };
+  try {
+    if (options_.preview_every > 0 && progress.iteration % options_.preview_every == 0) writePreview(trainer);
+  } catch (const Error& error) {
+    wentWrong(error);
+  }
+  try {
+    if (!saved_ || last || Clock::now() >= next_save_) save(trainer);
+  } catch (const Error& error) {
+    wentWrong(error);
     next_save_ = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                     std::chrono::duration<double>(options_.checkpoint_seconds));
   }

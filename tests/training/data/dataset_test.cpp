@@ -396,6 +396,45 @@ TEST_CASE("downscaling by N reads images_N where it holds the photographs at tha
   }
 }
 
+TEST_CASE("lengths in pixels without a size are of the photographs that are not read", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "images/a.png", 16, 12, 3);
+  writePicture(folder / "images_2/a.png", 8, 6, 3);
+  Json json = {{"camera_angle_x", 1.0}, {"fl_x", 20.0}, {"cx", 9.0}, {"frames", {frame("images/a.png")}}};
+  writeText(folder / "transforms.json", json.dump());
+  DatasetOptions reduced, named;
+  reduced.downscale = 2;
+  named.images = "images_2";
+  for (const DatasetOptions& options : {reduced, named}) {
+    const tg::Dataset dataset = loadDataset(folder.path, options);
+    CHECK(dataset.views.at(0).size.x == 8);
+    CHECK(dataset.views.at(0).focal.x == Approx(10));
+    CHECK(dataset.views.at(0).center.x == Approx(4.5));
+  }
+  fs::remove(folder / "images/a.png");
+  CHECK_THAT(refusal(folder.path, named), Contains("images/a.png: is not there to tell the size"));
+}
+
+TEST_CASE("photographs that are named by absolute paths are those of the folder", "[dataset]") {
+  tg::TemporaryFolder folder;
+  for (const char* name : {"images/a.png", "images/b.png", "masks/a.png"}) writePicture(folder / name, 16, 12, 3);
+  for (const char* name : {"images_2/a.png", "images_2/b.png"}) writePicture(folder / name, 8, 6, 3);
+  Json frames = Json::array();
+  for (const char* name : {"images/a.png", "images/b.png"}) {
+    frames.push_back(frame(fs::absolute(folder / "." / name).string()));
+  }
+  writeText(folder / "transforms.json", pinhole(frames).dump());
+  DatasetOptions options;
+  options.downscale = 2;
+  for (const fs::path& place : {folder.path, fs::proximate(folder.path)}) {
+    const tg::Dataset dataset = loadDataset(place, options);
+    CHECK(dataset.files == std::vector<std::string>{"images/b.png", "images/a.png"});
+    REQUIRE(dataset.notes.size() == 2);
+    CHECK_THAT(dataset.notes[0], Contains("read from images_2"));
+    CHECK_THAT(dataset.notes[1], Contains("1 of 2 photographs have a mask"));
+  }
+}
+
 TEST_CASE("a folder of images that no image could follow is refused", "[dataset]") {
   tg::TemporaryFolder folder;
   writePicture(folder / "train/r_0.png", 16, 12, 3);
@@ -426,6 +465,9 @@ TEST_CASE("what stands beside a camera's angle counts, and a split of calibrated
   writeText(folder / "transforms_train.json", json.dump());
   CHECK(loadDataset(folder.path).layout == tg::DatasetLayout::transforms);
   CHECK(loadDataset(folder.path).background == glm::vec3(0.0f));
+  writeText(folder / "transforms.json", json.dump());  // beside it, it says as much
+  CHECK(loadDataset(folder.path).layout == tg::DatasetLayout::transforms);
+  fs::remove(folder / "transforms.json");
   json.erase("fl_x");
   writeText(folder / "transforms_train.json", json.dump());
   CHECK(loadDataset(folder.path).layout == tg::DatasetLayout::nerfSynthetic);
@@ -570,6 +612,10 @@ TEST_CASE("nerfstudio's lists say what is trained, what is held out and what is 
   json["val_filenames"] = nullptr;
   json.erase("test_filenames");
   CHECK(views() == "c.png test b.png ");  // every 8th of what is listed
+  json["test_filenames"] = {"images/f.png"};
+  writeText(folder / "transforms.json", json.dump());
+  CHECK_THAT(refusal(folder.path), Contains("held out names none of the 4 frames"));
+  json.erase("test_filenames");
   json["train_filenames"] = {"images/e.png"};
   writeText(folder / "transforms.json", json.dump());
   CHECK_THAT(refusal(folder.path), Contains("train_filenames names none of the 4 frames"));
