@@ -280,6 +280,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
     if (error.kind != ErrorKind::device || recovered_) throw;
     recovered_ = true;
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
+    if (script_) script_->error = state_.messages.error;  // its pictures stay what they are
   }
   validation_messages_ += graphics_->screen().messages();
   const PixelRect place = desktop_.leaveWindow(graphics_->window());
@@ -589,6 +590,7 @@ void Viewer::takePicture() {
   if (!news.problem.empty()) {
     if (script_ && news.given_up) throw Error(ErrorKind::device, news.problem);
     state_.messages.error = news.problem;
+    if (script_) script_->error = news.problem;
   }
   given_up_ = given_up_ || news.given_up;
   if (news.given_up && runs_.active()) {

@@ -165,7 +165,7 @@ TEST_CASE("a device that fails leaves the full screen and what lies behind it", 
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   playByHand(shop,
-             "keep-going on\nawait-file big\nlose-window-device\nwait 30\nwindow big.png\nawait-file small\nwait 4\nwindow "
+             "await-file big\nlose-window-device\nwait 30\nwindow big.png\nawait-file small\nwait 4\nwindow "
              "small.png\n",
              "key F11\nsleep 1\ntouch big\nreached big.png\nwindow=$(xdotool search --onlyvisible --name '^tgview' | "
              "head -n 1)\nxdotool windowfocus --sync $window\nkey Escape\nkey Escape\nsleep 1\ntouch small\nreached "

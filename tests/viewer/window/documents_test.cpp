@@ -218,7 +218,7 @@ TEST_CASE("a lost device is a message, and the CPU draws the same picture", "[wi
   for (const std::string verb : {"lose-device", "lose-window-device"}) {
     INFO(verb);
     play(shop, {"a.tgz"},
-         "keep-going on\npanel off\nwait 2\npicture before.png\n" + verb +
+         "panel off\nwait 2\npicture before.png\n" + verb +
              "\noutput base\nwait 1\noutput final\nwait 3\nwindow message.png\nkey Esc\n" +
              "window after.png\npicture picture.png\norbit 10 0\npicture turned.png\n",
          "240x180", backendOr("vulkan"), TG_TGVIEW_UNDER_TEST);

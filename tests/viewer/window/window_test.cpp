@@ -281,7 +281,7 @@ TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and
   for (const char* frames : {"1", "2"}) {
     const Workshop shop;
     test::writeSample(shop / "model.tgz");
-    std::string script = "keep-going on\npanel off\nwait 2\ncontinuous on\n";
+    std::string script = "panel off\nwait 2\ncontinuous on\n";
     for (int i = 0; i < 12; ++i) script += "orbit 7 1\nwait 1\n";
     script += "save-camera turned.json\npicture turned.png\n";
     for (const char* size : {"300x200", "64x64", "240x180"}) {
