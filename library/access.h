@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <type_traits>
 #include <utility>
 
@@ -46,6 +47,8 @@ decltype(auto) guarded(const Body& body) {
     throw Error(static_cast<ErrorKind>(error.kind), error.what());
   } catch (const std::filesystem::filesystem_error& error) {
     throw Error(ErrorKind::cannotRead, tg::printable(error.what()));
+  } catch (const std::system_error& error) {  // no thread can be started
+    throw Error(ErrorKind::device, error.what());
   }
 }
 

@@ -194,6 +194,12 @@ void warnIdleSettings(const TrainFlags& options) {
     warn("--start-model",
          [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
   }
+  const auto is_pixels = [](const SettingEntry& entry) { return entry.name == "pixels-per-texel"; };
+  if (textured && settings.texel_budget > 0) {
+    warn("--texel-budget", [&](const SettingEntry& entry) { return entry.name == "texture-size" || is_pixels(entry); });
+  } else if (textured && settings.texture_size > 0) {
+    warn("--texture-size", is_pixels);
+  }
   if (settings.percent == 0) {
     warn("a limit that is no share (--percent)",
          [](const SettingEntry& entry) { return entry.name == "default-gaussians"; });

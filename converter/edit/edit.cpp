@@ -53,12 +53,22 @@ void translate(Bundle& loaded, const Edit& edit) {
   transform(loaded, move);
 }
 
+// Of length 1, however small or large the numbers are; all 0 where they are.
+template <typename Vector>
+Vector unit(Vector v) {
+  double largest = 0;
+  for (int k = 0; k < Vector::length(); ++k) largest = std::max(largest, std::abs(v[k]));
+  if (largest == 0) return v;
+  for (int k = 0; k < Vector::length(); ++k) v[k] /= largest;
+  return v / glm::length(v);
+}
+
 void rotate(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {4}, "x,y,z,DEGREES");
-  const double length = glm::length(vectorAt(n));
-  if (!(length > 0.0)) throw Error(ErrorKind::usage, "the axis has no length");
+  const glm::dvec3 direction = unit(vectorAt(n));
+  if (direction == glm::dvec3(0.0)) throw Error(ErrorKind::usage, "the axis has no length");
   const double half = 0.5 * n[3] * M_PI / 180.0;
-  const glm::dvec3 axis = std::sin(half) / length * vectorAt(n);
+  const glm::dvec3 axis = std::sin(half) * direction;
   Similarity turn;
   turn.rotation = matrixFromQuaternion({std::cos(half), axis.x, axis.y, axis.z});
   transform(loaded, turn);
@@ -66,8 +76,8 @@ void rotate(Bundle& loaded, const Edit& edit) {
 
 void rotateQuaternion(Bundle& loaded, const Edit& edit) {
   const std::vector<double> n = numbersOf(edit, {4}, "w,x,y,z");
-  const glm::dvec4 q(n[0], n[1], n[2], n[3]);
-  if (!(glm::length(q) > 0.0)) throw Error(ErrorKind::usage, "the quaternion has no length");
+  const glm::dvec4 q = unit(glm::dvec4(n[0], n[1], n[2], n[3]));
+  if (q == glm::dvec4(0.0)) throw Error(ErrorKind::usage, "the quaternion has no length");
   Similarity turn;
   turn.rotation = matrixFromQuaternion(q);
   transform(loaded, turn);

@@ -112,7 +112,8 @@ class Resolver {
         return bytes;
       }
     } catch (const Error& error) {
-      fail(pointer, std::string("external file: ") + error.what());
+      throw Error(error.kind, path_,
+                  shortened(pointer) + ": " + shortened(std::string("external file: ") + error.what()));
     }
     fail(pointer, "the file is too short" + expectedFound(*least, size));
   }

@@ -24,6 +24,7 @@
 #include "core/file/npy.h"
 #include "core/file/sha256.h"
 #include "core/image/codecs.h"
+#include "core/model/unpack_atlas.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -361,29 +362,30 @@ class BundleReader {
   void finishAtlas() {
     if (!manifest_.find(kRectsName)) return;
     const std::size_t n = bundle_.model.size();
-    PackedAtlas packed;
-    packed.placements.resize(n);
+    std::vector<AtlasPlacement> placements(n);
     for (std::size_t i = 0; i < n; ++i) {
-      packed.placements[i] = {rects_[4 * i], rects_[4 * i + 1], rects_[4 * i + 2], rects_[4 * i + 3], page_ids_[i]};
+      placements[i] = {rects_[4 * i], rects_[4 * i + 1], rects_[4 * i + 2], rects_[4 * i + 3], page_ids_[i]};
     }
-    packed.pages.resize(static_cast<std::size_t>(manifest_.atlas_pages));
-    parallelFor(manifest_.atlas_pages, 1,
-                [&](std::int64_t i) { packed.pages[static_cast<std::size_t>(i)] = decodePage(static_cast<int>(i)); });
-    bundle_.model.atlas = unpackAtlas(packed, path_);
+    for (int page = 0; page < manifest_.atlas_pages; ++page) checkPage(page);
+    bundle_.model.atlas = unpackAtlas(
+        placements, manifest_.atlas_pages, {manifest_.atlas_width, manifest_.atlas_height},
+        [this](int page) { return decodePage(page); }, path_);
   }
 
-  Image decodePage(int number) const {
-    const std::vector<std::uint8_t>& bytes = pages_[static_cast<std::size_t>(number)];
+  void checkPage(int number) const {
     const std::string path = inside(atlasPageName(number));
-    const ExrInfo info = readExrInfo(bytes, path);
+    const ExrInfo info = readExrInfo(pages_[static_cast<std::size_t>(number)], path);
     if (info.width != manifest_.atlas_width || info.height != manifest_.atlas_height) {
       throw Error(ErrorKind::badData, path,
                   "disagrees with the manifest on its size (expected " + std::to_string(manifest_.atlas_width) + " x " +
                       std::to_string(manifest_.atlas_height) + ", found " + std::to_string(info.width) + " x " +
                       std::to_string(info.height) + ")");
     }
+  }
+
+  Image decodePage(int number) const {
     const std::string channels[] = {"R", "G", "B", "alpha"};
-    return decodeExr(bytes, channels, path);
+    return decodeExr(pages_[static_cast<std::size_t>(number)], channels, inside(atlasPageName(number)));
   }
 
   const std::string path_;

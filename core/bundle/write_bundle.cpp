@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <new>
@@ -111,6 +112,17 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
   if (!bundle.training_json.empty()) entries.push_back({kTrainingName, toBytes(bundle.training_json), nullptr});
   if (bundle.preview.width > 0) entries.push_back({kPreviewName, encodePng(bundle.preview), nullptr});
 
+  const BundleLimits limits;
+  std::uint64_t total = 0;
+  for (const Entry& entry : entries) {
+    const std::uint64_t bytes = sizeOf(entry);
+    const std::uint64_t most = entry.name == kCamerasName ? kMaxCamerasBytes : limits.entry_bytes;
+    total += bytes;
+    if (bytes <= most && total <= limits.total_bytes) continue;
+    throw Error(ErrorKind::cannotWrite, path,
+                entry.name + " is too large for a bundle" +
+                    (bytes > most ? atMost(most, bytes) : atMost(limits.total_bytes, total)));
+  }
   manifest.files.resize(entries.size() - 1);
   parallelFor(static_cast<std::int64_t>(manifest.files.size()), 1, [&](std::int64_t i) {
     const Entry& entry = entries[static_cast<std::size_t>(i) + 1];
@@ -135,6 +147,11 @@ void checkWritable(const Bundle& bundle, const std::string& path) {
       throw fail(std::string(kTrainingName) + ": expected a JSON object");
     }
     if (bundle.training_json.size() > kMaxTrainingBytes) throw fail(std::string(kTrainingName) + ": too long");
+  }
+  for (const Camera& camera : bundle.cameras) {
+    const glm::dvec3 position = camera.position();
+    if (std::isfinite(position.x) && std::isfinite(position.y) && std::isfinite(position.z)) continue;
+    throw fail("camera \"" + printable(camera.name) + "\" lies beyond what numbers hold");
   }
   const Image& preview = bundle.preview;
   if (preview.width > 0 &&

@@ -248,6 +248,10 @@ void AtomicFiles::commit() {
     for (const std::unique_ptr<Entry>& entry : entries_) entry->keepOlder();
   }
   for (const std::unique_ptr<Entry>& entry : entries_) {
+    struct stat before{};  // who may read it is whoever could
+    if (replace_ && ::lstat(entry->path.c_str(), &before) == 0 && S_ISREG(before.st_mode)) {
+      (void)::chmod(entry->temporary.path.c_str(), before.st_mode & 0777);
+    }
     const bool renamed = replace_ ? ::rename(entry->temporary.path.c_str(), entry->path.c_str()) == 0
                                   : renameWithoutReplacing(entry->temporary.path, entry->path);
     if (!renamed) {

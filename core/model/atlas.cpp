@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 
+#include "core/model/unpack_atlas.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -172,21 +173,16 @@ PackedAtlas packAtlas(const TextureAtlas& atlas, std::size_t gaussian_count, int
   return packed;
 }
 
-TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
-  std::uint64_t available = 0;
-  for (std::size_t p = 0; p < packed.pages.size(); ++p) {
-    const Image& page = packed.pages[p];
-    const std::uint64_t size = static_cast<std::uint64_t>(page.width) * static_cast<std::uint64_t>(page.height);
-    if (page.width < 1 || page.height < 1 || page.channels != 4 || !hasImageShape(page)) {
-      throw Error(ErrorKind::badData, path, "atlas page " + std::to_string(p) + " has no consistent size");
-    }
-    available += size;
-  }
+TextureAtlas unpackAtlas(std::span<const AtlasPlacement> placements, int pages, glm::ivec2 size,
+                         const std::function<Image(int page)>& decode, const std::string& path) {
+  const std::uint64_t available =
+      static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(size.x) * static_cast<std::uint64_t>(size.y);
   TextureAtlas atlas;
-  atlas.rects.resize(packed.placements.size());
+  atlas.rects.resize(placements.size());
+  std::vector<std::vector<std::size_t>> lying(static_cast<std::size_t>(pages));  // Gaussians on each page
   std::uint64_t used = 0;
-  for (std::size_t i = 0; i < packed.placements.size(); ++i) {
-    const AtlasPlacement& at = packed.placements[i];
+  for (std::size_t i = 0; i < placements.size(); ++i) {
+    const AtlasPlacement& at = placements[i];
     const auto fail = [&](const std::string& what) {
       return Error(ErrorKind::badData, path, "Gaussian " + std::to_string(i) + ": " + what);
     };
@@ -194,16 +190,16 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
       throw fail("texture rectangle has one empty side (found " + sizeText(at.w, at.h) + ")");
     }
     if (at.w == 0) continue;
-    if (at.page >= packed.pages.size()) {
-      throw fail("texture rectangle lies on a missing page (expected less than " + std::to_string(packed.pages.size()) +
+    if (at.page >= lying.size()) {
+      throw fail("texture rectangle lies on a missing page (expected less than " + std::to_string(lying.size()) +
                  ", found " + std::to_string(at.page) + ")");
     }
-    const Image& page = packed.pages[at.page];
-    if (at.x + at.w > page.width || at.y + at.h > page.height) {
+    if (at.x + at.w > size.x || at.y + at.h > size.y) {
       throw fail("texture rectangle leaves its page (expected within " +
-                 sizeText(static_cast<std::uint64_t>(page.width), static_cast<std::uint64_t>(page.height)) +
-                 ", found " + sizeText(at.w, at.h) + " at " + std::to_string(at.x) + ", " + std::to_string(at.y) + ")");
+                 sizeText(static_cast<std::uint64_t>(size.x), static_cast<std::uint64_t>(size.y)) + ", found " +
+                 sizeText(at.w, at.h) + " at " + std::to_string(at.x) + ", " + std::to_string(at.y) + ")");
     }
+    lying[at.page].push_back(i);
     atlas.rects[i] = {static_cast<std::uint32_t>(used), at.w, at.h};
     used += atlas.rects[i].texelCount();
     // Also the bound on what is allocated below.
@@ -213,15 +209,29 @@ TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
     }
   }
   atlas.texels.resize(used);
-  for (std::size_t i = 0; i < packed.placements.size(); ++i) {
-    const AtlasPlacement& at = packed.placements[i];
-    if (at.w == 0) continue;
-    const Image& page = packed.pages[at.page];
-    const glm::vec4* from = &pageTexels(page)[std::size_t{at.y} * static_cast<std::size_t>(page.width) + at.x];
-    glm::vec4* to = atlas.texels.data() + atlas.rects[i].offset;
-    for (int row = 0; row < at.h; ++row, from += page.width, to += at.w) std::copy_n(from, at.w, to);
-  }
+  parallelFor(pages, 1, [&](std::int64_t number) {
+    const std::vector<std::size_t>& gaussians = lying[static_cast<std::size_t>(number)];
+    if (gaussians.empty()) return;
+    const Image page = decode(static_cast<int>(number));
+    if (glm::ivec2(page.width, page.height) != size || page.channels != 4 || !hasImageShape(page)) {
+      throw Error(ErrorKind::badData, path, "atlas page " + std::to_string(number) + " has no consistent size");
+    }
+    for (const std::size_t i : gaussians) {
+      const AtlasPlacement& at = placements[i];
+      const glm::vec4* from = &pageTexels(page)[std::size_t{at.y} * static_cast<std::size_t>(size.x) + at.x];
+      glm::vec4* to = atlas.texels.data() + atlas.rects[i].offset;
+      for (int row = 0; row < at.h; ++row, from += size.x, to += at.w) std::copy_n(from, at.w, to);
+    }
+  });
   return atlas;
+}
+
+TextureAtlas unpackAtlas(const PackedAtlas& packed, const std::string& path) {
+  const glm::ivec2 size =
+      packed.pages.empty() ? glm::ivec2(0) : glm::ivec2(packed.pages[0].width, packed.pages[0].height);
+  return unpackAtlas(
+      packed.placements, static_cast<int>(packed.pages.size()), size,
+      [&](int page) { return packed.pages[static_cast<std::size_t>(page)]; }, path);
 }
 
 }  // namespace tg

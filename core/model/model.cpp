@@ -3,6 +3,7 @@
 #include "core/model/model.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -34,7 +35,7 @@ void checkLength(std::size_t found, std::size_t expected, const char* member, co
 }
 
 // The first promise Gaussian i breaks; "" when it keeps them all.
-std::string brokenPromise(const GaussianModel& model, std::size_t i) {
+std::string brokenPromise(const GaussianModel& model, std::size_t i, bool with_texels = true) {
   std::string broken;
   forEachField(
       [&]<typename T>(const Field& field, const std::vector<T>& all) {
@@ -63,7 +64,7 @@ std::string brokenPromise(const GaussianModel& model, std::size_t i) {
     return "texture rectangle leaves the atlas (ends at texel " + std::to_string(end) + " of " +
            std::to_string(model.atlas.texels.size()) + ")";
   }
-  for (std::uint32_t t = 0; t < rect.texelCount(); ++t) {
+  for (std::uint32_t t = 0; with_texels && t < rect.texelCount(); ++t) {
     const glm::vec4& texel = model.atlas.texels[rect.offset + t];
     if (!isFinite(texel)) return "texel " + std::to_string(t) + " is not finite";
     if (texel.a < 0.0f || texel.a > 1.0f) {
@@ -98,6 +99,18 @@ void checkModel(const GaussianModel& model, const std::string& path) {
       model);
   if (!model.atlas.rects.empty()) checkLength(model.atlas.rects.size(), n, "atlas.rects", path);
 
+  // Several Gaussians may have one texture: where all texels are sound none is looked at again.
+  std::atomic<bool> sound{true};
+  constexpr std::size_t many = 1 << 16;
+  const std::vector<glm::vec4>& texels = model.atlas.texels;
+  parallelFor(static_cast<std::int64_t>((texels.size() + many - 1) / many), 1, [&](std::int64_t b) {
+    const std::size_t begin = static_cast<std::size_t>(b) * many;
+    for (std::size_t i = begin; i < std::min(texels.size(), begin + many); ++i) {
+      if (isFinite(texels[i]) && texels[i].a >= 0.0f && texels[i].a <= 1.0f) continue;
+      sound = false;
+      return;
+    }
+  });
   // Blocks report the first offender each, so the message does not depend on the thread count.
   constexpr std::size_t block = 4096;
   constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
@@ -105,7 +118,7 @@ void checkModel(const GaussianModel& model, const std::string& path) {
   parallelFor(static_cast<std::int64_t>(offender.size()), 1, [&](std::int64_t b) {
     const std::size_t begin = static_cast<std::size_t>(b) * block;
     for (std::size_t i = begin; i < std::min(n, begin + block); ++i) {
-      if (brokenPromise(model, i).empty()) continue;
+      if (brokenPromise(model, i, !sound).empty()) continue;
       offender[static_cast<std::size_t>(b)] = i;
       return;
     }

@@ -2,6 +2,7 @@
 // A pool of sleeping workers that join a loop while it has items left.
 #include "core/system/parallel.h"
 
+#include <pthread.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -124,9 +125,21 @@ class Pool {
   bool stop_ = false;
 };
 
-Pool& pool() {
-  static Pool instance;
+// A child of fork() has none of its parent's threads: it leaves their pool as it is and begins one of its own.
+struct PoolOwner {
+  Pool* pool = new Pool;
+  PoolOwner();
+  ~PoolOwner() { delete pool; }
+  PoolOwner& operator=(PoolOwner&&) = delete;
+};
+
+PoolOwner& poolOwner() {
+  static PoolOwner instance;
   return instance;
+}
+
+PoolOwner::PoolOwner() {
+  ::pthread_atfork(nullptr, nullptr, [] { poolOwner().pool = new Pool; });
 }
 
 std::atomic<int> requested_threads{0};
@@ -173,7 +186,7 @@ void parallelForWorkers(std::int64_t count, std::int64_t grain, std::int64_t wor
     return;
   }
   Loop loop{count, grain, threads, body};
-  pool().run(loop);
+  poolOwner().pool->run(loop);
   if (loop.error) std::rethrow_exception(loop.error);
 }
 

@@ -11,7 +11,6 @@
 #include <iostream>
 #include <map>
 #include <new>
-#include <regex>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -54,13 +53,15 @@ std::string unexpected(const CLI::App& app) {
 
 // CLI11's words for a value that is missing or is none, as other checks say it.
 std::string likeOurs(const std::string& message) {
-  static const std::regex missing(R"((.*): \d+ required .* missing)");
-  static const std::regex none(R"(Could not convert: (\S+) = ([^]*))");
-  std::smatch found;
-  if (std::regex_match(message, found, missing)) return found.str(1) + ": expected a value, found none";
-  if (std::regex_match(message, found, none))
-    return found.str(1) + ": expected a number, found \"" + found.str(2) + "\"";
-  return message;
+  const std::string_view none = "Could not convert: ";
+  if (const std::size_t at = message.find(" = "); message.starts_with(none) && at != message.npos) {
+    return message.substr(none.size(), at - none.size()) + ": expected a number, found \"" + message.substr(at + 3) +
+           "\"";
+  }
+  const std::size_t required = message.find(" required "), colon = message.rfind(": ", required);
+  const bool missing = required != message.npos && colon != message.npos && message.ends_with(" missing") &&
+                       parseWhole<int>(message.substr(colon + 2, required - colon - 2));
+  return missing ? message.substr(0, colon) + ": expected a value, found none" : message;
 }
 
 std::string usageMessage(const CLI::App* app, const CLI::Error& error) {

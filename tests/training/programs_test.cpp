@@ -396,6 +396,10 @@ TEST_CASE("a setting that nothing uses is warned of where a flag names it", "[pr
   CHECK(said("--texture-mode none --texture-size 4") ==
         "tgtrain: --texture-size: does nothing with --texture-mode none\n");
   CHECK(said("--texture-iterations 2 --texture-size 4").empty());
+  CHECK(said("--texture-iterations 2 --texture-size 4 --pixels-per-texel 9") ==
+        "tgtrain: --pixels-per-texel: does nothing with --texture-size\n");
+  CHECK(said("--texture-iterations 2 --texel-budget 900 --texture-size 4") ==
+        "tgtrain: --texture-size: does nothing with --texel-budget\n");
   CHECK(said("--texture-iterations 0 --densification none --limit-by swap --mcmc-noise 1") ==
         "tgtrain: --limit-by: does nothing with --densification none\n"
         "tgtrain: --mcmc-noise: does nothing with --densification none\n");
@@ -461,6 +465,12 @@ TEST_CASE("a value that is none is named with what was expected", "[programs]") 
     const Outcome outcome = tgtrain(folder, "scene -o m.sog " + arguments);
     CHECK(outcome.code == 1);
     CHECK(outcome.output == "tgtrain: " + message + " (see --help)\n");
+  }
+  // However long it is.
+  for (const char* flag : {"--steps ", "--threads ", "--downscale "}) {
+    const Outcome outcome = tgtrain(folder, "scene -o m.sog " + (flag + std::string(60000, 'x')));
+    CHECK(outcome.code == 1);
+    CHECK(outcome.output.starts_with("tgtrain: --"));
   }
 }
 

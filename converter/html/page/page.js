@@ -98,10 +98,8 @@ async function readPayload() {
 
 // Another file dropped on the page. A broken one is reported and leaves the old model.
 function listenToDrops(viewer, panel) {
-  addEventListener('dragover', (event) => event.preventDefault());
   let drops = 0;
   addEventListener('drop', async (event) => {
-    event.preventDefault();
     const [file] = event.dataTransfer.files;
     if (!file) return;
     const own = ++drops;
@@ -139,6 +137,7 @@ function takeAddress(viewer) {
 // window.tgViewer offers picture(), apply() and settled() to tests; the address takes apply()'s settings and panel=off.
 async function startViewer() {
   clearInterval(watching);
+  for (const name of ['dragover', 'drop']) addEventListener(name, (event) => event.preventDefault());  // leaves no page
   try {
     if (typeof DecompressionStream === 'undefined') throw new Error('This browser is too old: no DecompressionStream.');
     const viewer = openViewer();

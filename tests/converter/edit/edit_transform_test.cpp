@@ -127,7 +127,12 @@ TEST_CASE("the transforms of the command line are what they say") {
   const glm::vec3 p = scene.model.mean[3];
   const auto at = [&](const std::vector<Edit>& edits) { return edited(edits).model.mean[3]; };
   CHECK(glm::distance(at({{"--translate", "1,-2,0.5"}}), p + glm::vec3(1, -2, 0.5)) < 1e-6f);
-  CHECK(glm::distance(at({{"--rotate", "0,0,2,90"}}), glm::vec3(-p.y, p.x, p.z)) < 1e-6f);
+  for (const char* axis : {"0,0,2,90", "0,0,1e300,90", "0,0,1e-300,90"}) {
+    CHECK(glm::distance(at({{"--rotate", axis}}), glm::vec3(-p.y, p.x, p.z)) < 1e-6f);
+  }
+  for (const char* turn : {"1e300,0,0,1e300", "1e-300,0,0,1e-300"}) {
+    CHECK(glm::distance(at({{"--rotate-quaternion", turn}}), glm::vec3(-p.y, p.x, p.z)) < 1e-6f);
+  }
   CHECK(glm::distance(at({{"--rotate-quaternion", "0,0,0,-3"}}), glm::vec3(-p.x, -p.y, p.z)) < 1e-6f);
   CHECK(glm::distance(at({{"--scale", "3"}}), 3.0f * p) < 1e-5f);
   CHECK(glm::distance(at({{"--matrix", "0,-2,0,1,2,0,0,2,0,0,2,3"}}),

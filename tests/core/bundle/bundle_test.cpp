@@ -144,6 +144,21 @@ TEST_CASE("gaussians.ply inside is a strict splat PLY, entries are plain files w
   }
 }
 
+TEST_CASE("cameras that no reader would take are not written") {
+  const tg::TemporaryFolder folder;
+  tg::Bundle bundle;
+  bundle.model = tg::tinyTexturedModel(3);
+  bundle.cameras.resize(1);
+  bundle.cameras[0].rotation = glm::dmat3(0.6, 0.8, 0, -0.8, 0.6, 0, 0, 0, 1);
+  bundle.cameras[0].translation = glm::dvec3(1.7e308);
+  bundle.cameras[0].name = "far";
+  CHECK_THROWS_WITH(tg::writeBundle(folder / "a.tgz", bundle), Contains("camera \"far\" lies beyond"));
+  bundle.cameras[0].translation = glm::dvec3(1.0 / 3);
+  bundle.cameras.resize(150000, bundle.cameras[0]);
+  CHECK_THROWS_WITH(tg::writeBundle(folder / "a.tgz", bundle), Contains("cameras.json is too large for a bundle"));
+  CHECK(std::filesystem::is_empty(folder.path));
+}
+
 TEST_CASE("a failed write leaves the older file as it was and nothing beside it") {
   const tg::TemporaryFolder folder;
   tg::writeBundle(folder / "a.tgz", tinyBundle());

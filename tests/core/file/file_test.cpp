@@ -63,6 +63,15 @@ TEST_CASE("what is written may be read by whom the process' mask allows") {
   REQUIRE(std::filesystem::status(folder / "a").permissions() == std::filesystem::perms{0640});
 }
 
+TEST_CASE("what replaces a file may be read by whom that one could") {
+  const tg::TemporaryFolder folder;
+  tg::writeTextAtomically(folder / "a", "1");
+  std::filesystem::permissions(folder / "a", std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  tg::writeTextAtomically(folder / "a", "2");
+  CHECK(std::filesystem::status(folder / "a").permissions() ==
+        (std::filesystem::perms::owner_read | std::filesystem::perms::owner_write));
+}
+
 TEST_CASE("a pipe, which does not say how long it is, is read to its end") {
   const tg::TemporaryFolder folder;
   const std::string pipe = folder / "pipe";

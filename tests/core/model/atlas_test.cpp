@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packing rectangles into pages and back, and the promises of a model.
+#include <atomic>
 #include <limits>
 
 #include "core/model/atlas.h"
 #include "core/model/model.h"
+#include "core/model/unpack_atlas.h"
 #include "core/system/error.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
@@ -22,6 +24,27 @@ TEST_CASE("packing and unpacking give every Gaussian its texels back, with conse
     REQUIRE(back.rects == model.atlas.rects);
     REQUIRE(back.texels == model.atlas.texels);
   }
+}
+
+TEST_CASE("pages are decoded once each, and those without a rectangle never") {
+  const tg::GaussianModel model = tg::tinyTexturedModel(300);
+  const tg::PackedAtlas packed = tg::packAtlas(model.atlas, model.size(), 32);
+  const int pages = static_cast<int>(packed.pages.size());
+  REQUIRE(pages > 1);
+  std::vector<std::atomic<int>> decoded(packed.pages.size() + 1);
+  const tg::TextureAtlas back = tg::unpackAtlas(
+      packed.placements, pages + 1, {packed.pages[0].width, packed.pages[0].height},
+      [&](int page) {
+        ++decoded[static_cast<std::size_t>(page)];
+        return packed.pages[static_cast<std::size_t>(page)];
+      },
+      "a");
+  REQUIRE(back.texels == model.atlas.texels);
+  for (int page = 0; page <= pages; ++page) CHECK(decoded[static_cast<std::size_t>(page)] == (page < pages ? 1 : 0));
+  CHECK_THROWS_AS(tg::unpackAtlas(
+                      packed.placements, pages, {packed.pages[0].width, packed.pages[0].height},
+                      [](int) { return tg::Image(1, 1, 4); }, "a"),
+                  tg::Error);
 }
 
 TEST_CASE("packed rectangles never overlap and free texels are neutral") {

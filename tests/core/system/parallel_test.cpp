@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The thread pool: every item once, errors reach the caller, nesting and shrinking are safe.
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <atomic>
+#include <chrono>
+#include <csignal>
 #include <stdexcept>
 #include <thread>
 #include <vector>
@@ -64,6 +69,24 @@ TEST_CASE("a thread may change the number of threads while others run loops with
   done = true;
   changer.join();
   REQUIRE_FALSE(wrong);
+}
+
+TEST_CASE("a child of fork runs loops with threads of its own") {
+  const Threads guard(3);
+  tg::parallelFor(100, 1, [](std::int64_t) {});
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::atomic<int> sum{0};
+    tg::parallelFor(100, 1, [&](std::int64_t) { ++sum; });
+    ::_exit(sum == 100 ? 0 : 1);
+  }
+  REQUIRE(child > 0);
+  int status = -1;
+  for (int left = 1000; left > 0 && ::waitpid(child, &status, WNOHANG) == 0; --left) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  ::kill(child, SIGKILL);
+  CHECK(status == 0);
 }
 
 TEST_CASE("an exception in the body reaches the caller and the pool works on") {
