@@ -9,6 +9,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/model/scene_of.h"
+#include "viewer/view/documents.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/parse.h"
@@ -29,13 +30,15 @@ OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
     follower_ = std::make_unique<ModelFollower>(options.model, std::move(wake));
     return;
   }
-  if (!options.model.empty()) read(options.model);
+  starting_ = !options.model.empty();
+  if (starting_) read(options.model);
   for (const std::filesystem::path& path : options.more_models) read(path);
   if (!options.compare.empty()) read(options.compare);
 }
 
 // Scenes with levels of detail beside each other, models one after the other.
 void OpenModels::read(const std::filesystem::path& path) {
+  closed_.erase(path);
   if (!isLodMeta(path)) return loader_.open(path);
   std::erase_if(streams_, [&](const Stream& stream) { return stream.streamer->path() == path; });
   Stream stream;
@@ -53,6 +56,7 @@ bool OpenModels::update(ViewerState& state) {
   DocumentState& documents = state.documents;
   std::string there;
   for (const std::filesystem::path& path : std::exchange(documents.open_requests, {})) {
+    starting_ = false;
     const int document = documentOf(state, path);
     if (document >= 0 && (isFollowed(state, document) || !hasChanged(state, document))) {
       documents.show_request = document;
@@ -63,6 +67,7 @@ bool OpenModels::update(ViewerState& state) {
     say(state, "Opening " + path.string());
   }
   if (std::exchange(state.loading.cancel, false)) {
+    starting_ = false;
     loader_.cancel();
     std::erase_if(streams_, [](const Stream& stream) { return stream.models == 0; });
     state.desktop.agreed.clear();
@@ -106,6 +111,10 @@ bool OpenModels::takeLoaded(ViewerState& state) {
     std::optional<ModelLoader::News> news = loader_.take();
     if (!news) break;
     const int document = documentOf(state, news->path);
+    if (document < 0 && closed_.contains(news->path)) {
+      if (!news->scene || !news->scene->partial) closed_.erase(news->path);
+      continue;
+    }
     const bool shown = document >= 0 && document == state.documents.shown;
     const bool partial = document >= 0 && sceneAt(state, document).partial;
     if (news->scene && document >= 0) news->scene->path = state.documents.open[document].path;
@@ -134,7 +143,9 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       } else {
         const bool untouched = shown && partial && state.camera.pose.position == adopted_pose_.position &&
                                state.camera.pose.yaw == adopted_pose_.yaw;
+        const bool own_background = shown && state.display.settings.background == backgroundOf(state.scene);
         replace(state, document, std::move(*news->scene));
+        if (own_background) state.display.settings.background = backgroundOf(state.scene);  // a part may not know it
         if (untouched) {
           firstView(state);
           sharedView(state);
@@ -160,7 +171,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
 void OpenModels::takeFailure(ViewerState& state, const std::string& problem, int error_kind) {
   const bool waits = std::ranges::any_of(streams_, [](const Stream& stream) { return stream.models == 0; });
   const bool last = loader_.status().path.empty() && !waits;
-  if (last && !opened_any_ && !options_.model.empty() && state.documents.open.empty()) {
+  if (last && starting_ && !opened_any_ && state.documents.open.empty()) {
     throw Error(static_cast<ErrorKind>(error_kind), problem);
   }
   state.messages.error = problem;
@@ -218,38 +229,37 @@ void OpenModels::takeNews(ViewerState& state, Stream& stream, SceneStreamer::New
   stream.news = std::move(news);
 }
 
-// What the scene shown is asked for, and how far it is. True when that has changed.
+// What the scene shown and the one that it is compared with are asked for, and how far they are. True when that has
+// changed.
 bool OpenModels::wish(ViewerState& state) {
-  StreamState& shown = state.stream;
-  const auto at = std::ranges::find_if(streams_, [&](const Stream& stream) {
-    return stream.models > 0 && state.documents.shown >= 0 &&
-           documentOf(state, stream.streamer->path()) == state.documents.shown;
-  });
-  if (at == streams_.end()) {
-    shown.settled = true;  // nothing comes
-    shown.owed = 0;
-    shown.loading.clear();
-    return false;
+  const CompareState& compare = state.compare;
+  const bool compares = compare.how.mode != CompareMode::off && !compare.with_photographs;
+  const int shown = state.documents.shown, other = compares ? otherDocument(state) : -1;
+  StreamState& at = state.stream;
+  const StreamState before = at;
+  at.settled = true;  // nothing comes
+  at.owed = at.lost = 0;
+  at.loading.clear();
+  for (Stream& stream : streams_) {
+    const int document = stream.models > 0 ? documentOf(state, stream.streamer->path()) : -1;
+    if (document < 0 || (document != shown && document != other)) continue;
+    SceneStreamer::Wish wish = stream.wish;
+    wish.camera = at.camera;
+    wish.budget = at.budget;
+    if (at.drawn) wish.drawn = stream.models;
+    const bool changed = wish.budget != stream.wish.budget ||
+                         static_cast<const Pinhole&>(wish.camera) != static_cast<const Pinhole&>(stream.wish.camera);
+    if (at.camera.size.x > 0 && (changed || wish.drawn != stream.wish.drawn)) {
+      wish.number += changed;
+      stream.wish = wish;
+      stream.streamer->want(std::move(wish));
+    }
+    at.settled = at.settled && stream.news.settled && stream.news.wish == stream.wish.number;
+    at.owed += stream.news.owed;
+    at.lost += stream.news.lost;
+    if (at.loading.empty()) at.loading = stream.news.loading;
   }
-  Stream& stream = *at;
-  SceneStreamer::Wish wish = stream.wish;
-  wish.camera = shown.camera;
-  wish.budget = shown.budget;
-  if (shown.drawn) wish.drawn = stream.models;
-  const bool other = wish.budget != stream.wish.budget ||
-                     static_cast<const Pinhole&>(wish.camera) != static_cast<const Pinhole&>(stream.wish.camera);
-  if (shown.camera.size.x > 0 && (other || wish.drawn != stream.wish.drawn)) {
-    wish.number += other;
-    stream.wish = wish;
-    stream.streamer->want(std::move(wish));
-  }
-  const bool settled = stream.news.settled && stream.news.wish == stream.wish.number;
-  const bool changed = settled != shown.settled || shown.owed != stream.news.owed || shown.lost != stream.news.lost;
-  shown.settled = settled;
-  shown.owed = stream.news.owed;
-  shown.lost = stream.news.lost;
-  shown.loading = stream.news.loading;
-  return changed;
+  return at.settled != before.settled || at.owed != before.owed || at.lost != before.lost;
 }
 
 // The same scene with other levels: all that the user has changed of it stays.
@@ -341,7 +351,6 @@ void OpenModels::open(ViewerState& state, Scene scene) {
 void OpenModels::firstView(ViewerState& state) {
   state.history.last.reset();  // no step of the user's
   resetView(state);
-  state.display.settings.background = backgroundOf(state.scene);  // a part may not have known it
   if (opened_any_) return;
   if (options_.camera.empty() || (state.scene.partial && state.scene.cameras.empty())) return;
   goToCamera(state, options_.camera, "--camera");
@@ -401,6 +410,8 @@ void OpenModels::close(ViewerState& state, int document) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   std::vector<Document>& open = state.documents.open;
   if (isFollowed(state, document)) unfollow(state);
+  const std::filesystem::path path = open[static_cast<std::size_t>(document)].path;
+  if (loader_.status().path == path) closed_.insert(path);
   std::erase_if(streams_, [&](const Stream& stream) { return documentOf(state, stream.streamer->path()) == document; });
   const int shown = state.documents.shown;
   if (shown == document) {
@@ -413,6 +424,8 @@ void OpenModels::close(ViewerState& state, int document) {
   }
   open.erase(open.begin() + document);
   if (state.documents.shown > document) --state.documents.shown;
+  const bool others = otherDocument(state) >= 0 || !state.compare.photographs.empty();
+  if (!others) state.compare.how.mode = CompareMode::off;
 }
 
 }  // namespace tg

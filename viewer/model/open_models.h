@@ -4,6 +4,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <set>
 #include <vector>
 
 #include "viewer/model/follower.h"
@@ -62,10 +63,12 @@ class OpenModels {
 
   const ViewOptions options_;
   const std::function<void(ViewerState&, Scene)> adopt_;
+  bool starting_ = false;  // what the command line names is all that was asked for
   bool opened_any_ = false;
-  bool compare_opened_ = false;  // --compare's model, which is not the one shown
-  ViewPose adopted_pose_;        // of a part's view, to tell whether it has been moved
-  std::filesystem::path left_;   // the model that was shown when the one opened last came
+  bool compare_opened_ = false;             // --compare's model, which is not the one shown
+  ViewPose adopted_pose_;                   // of a part's view, to tell whether it has been moved
+  std::filesystem::path left_;              // the model that was shown when the one opened last came
+  std::set<std::filesystem::path> closed_;  // while they were read: what comes of them is not wanted
   double read_seconds_ = 0;
   std::uint64_t read_bytes_ = 0;
   const std::function<void()> wake_;

@@ -15,7 +15,7 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{256} << 20;
+constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{64} << 20;  // as of a file
 
 // From the eye to a leaf's box, squared.
 double distance2(const LodLeaf& leaf, glm::dvec3 eye) {

@@ -6,6 +6,7 @@
 #include "viewer/panels/widgets.h"
 #include "viewer/view/actions.h"
 #include "viewer/view/bookmarks.h"
+#include "viewer/view/names.h"
 #include "viewer/view/path_editor.h"
 
 namespace tg {
@@ -116,7 +117,7 @@ void bookmarkSection(ViewerState& state) {
     attempt(state, [&] {
       saveBookmarks(state, file);
       noteBookmarksKept(state);
-      notify(state, "Saved " + std::filesystem::absolute(file).string());
+      notify(state, "Saved " + absolutePath(file).string());
     });
   }
   hint("As a cameras.json of this name");

@@ -6,6 +6,7 @@
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/edits.h"
+#include "viewer/view/names.h"
 #include "viewer/view/web_address.h"
 
 namespace tg {
@@ -35,7 +36,7 @@ void modelSection(ViewerState& state) {
   ImGui::TextUnformatted(cutMiddle(shown, right - ImGui::GetCursorPosX() - ImGui::GetFontSize()).c_str());
   if (!scene.path.empty()) {
     const bool address = isWebAddress(scene.path.string());
-    hint(printable((address ? scene.path : std::filesystem::absolute(scene.path)).string()).c_str());
+    hint(printable((address ? scene.path : absolutePath(scene.path)).string()).c_str());
   }
   ImGui::SameLine(right);
   if (ImGui::Button(keys)) state.ui.help = !state.ui.help;

@@ -7,6 +7,7 @@
 #include "core/system/numbers.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
+#include "viewer/view/names.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/path_editor.h"
 
@@ -65,7 +66,7 @@ void saveTo(ViewerState& state, const std::string& file, std::string_view use,
   attempt(state, [&] {
     save(state, file);
     if (save == savePath) notePathKept(state);
-    notify(state, "Saved " + std::filesystem::absolute(file).string());
+    notify(state, "Saved " + absolutePath(file).string());
   });
 }
 

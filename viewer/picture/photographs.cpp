@@ -35,7 +35,8 @@ bool isNamedForPhotographs(const std::filesystem::path& path) {
 Photographs::Photographs(std::filesystem::path folder) : folder_(std::move(folder)) {
   namespace fs = std::filesystem;
   std::error_code error;
-  fs::recursive_directory_iterator at(folder_, fs::directory_options::skip_permission_denied, error);
+  fs::recursive_directory_iterator at(
+      folder_, fs::directory_options::skip_permission_denied | fs::directory_options::follow_directory_symlink, error);
   if (error) throw Error(ErrorKind::cannotRead, folder_.string(), "cannot list the folder: " + error.message());
   for (; at != fs::recursive_directory_iterator(); at.increment(error)) {
     if (error) break;

@@ -168,10 +168,11 @@ Script parseScript(const std::string& text, const std::string& path, std::span<c
 
 std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
   if (script.wait > 0) --script.wait;
-  if (script.next == 0) script.error = state.messages.error;
   const std::string& shown = state.messages.error;
-  if (script.wait == 0 && script.next > 0 && !script.keeps_going && !shown.empty() && shown != script.error) {
-    throw Error(ErrorKind::badData, script.path, placeOf(script.commands[script.next - 1]) + ": " + shown);
+  const bool decides = script.next == 0 && !script.commands.empty() && script.commands[0].verb == "keep-going";
+  if (script.wait == 0 && !decides && !script.keeps_going && !shown.empty() && shown != script.error) {
+    const std::string place = script.next > 0 ? placeOf(script.commands[script.next - 1]) : "before line 1";
+    throw Error(ErrorKind::badData, script.path, place + ": " + shown);
   }
   while (script.wait == 0 && script.next < script.commands.size()) {
     const ScriptCommand& command = script.commands[script.next];
@@ -196,7 +197,8 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
                   what.starts_with(at) ? what : at + ": " + what);
     }
   }
-  if (script.wait == 0 && script.next == script.commands.size()) state.quit = true;
+  const bool ended = script.wait == 0 && script.next == script.commands.size();
+  if (ended && !state.record.wanted) state.quit = true;
   return std::nullopt;
 }
 

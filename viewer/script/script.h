@@ -27,7 +27,7 @@ struct Script {
   int rounds = 0;            // times that `repeat` was reached
   int wait = 0;              // frames still to draw before the next command
   bool keeps_going = false;  // after what the viewer says did not work
-  std::string error;         // what the viewer may show: of before the script, or of a device that another replaced
+  std::string error;         // what the viewer may show: of a session, or of a device that another replaced
   double waiting_since = 0;  // [s] window time of the command that waits for a model; 0: none does
 };
 

@@ -39,6 +39,7 @@ void addBookmark(ViewerState& state) {
 void removeBookmark(ViewerState& state, std::size_t index) {
   TG_ASSERT(index < state.camera.bookmarks.size(), "there is this bookmark");
   state.camera.bookmarks.erase(state.camera.bookmarks.begin() + static_cast<std::ptrdiff_t>(index));
+  if (state.camera.bookmark > static_cast<int>(index)) --state.camera.bookmark;
   state.camera.bookmark = std::min(state.camera.bookmark, static_cast<int>(state.camera.bookmarks.size()) - 1);
 }
 

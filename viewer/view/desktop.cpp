@@ -9,6 +9,7 @@
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "viewer/view/edits.h"
+#include "viewer/view/names.h"
 #include "viewer/view/state.h"
 
 namespace tg {
@@ -159,7 +160,7 @@ void keepUnsaved(ViewerState& state) {
 }
 
 bool mayReplace(ViewerState& state, const std::filesystem::path& file, std::string_view use) {
-  const std::string what = std::string(use) + " " + std::filesystem::absolute(file).string();
+  const std::string what = std::string(use) + " " + absolutePath(file).string();
   const bool pressed_again = std::exchange(state.desktop.replaces, what) == what;
   if (pressed_again || !isFile(file)) return true;
   notify(state, printable(file.filename().string()) + " is there already: once more replaces it");

@@ -3,6 +3,7 @@
 #include "viewer/view/names.h"
 
 #include <string>
+#include <system_error>
 
 namespace tg {
 
@@ -26,6 +27,12 @@ void forEachName(const ViewerState& state, const std::function<void(std::string_
   take(browser.text);
   take(browser.problem);
   for (const std::size_t i : browser.shown) take(browser.entries[i].name);
+}
+
+std::filesystem::path absolutePath(const std::filesystem::path& path) {
+  std::error_code error;
+  std::filesystem::path whole = std::filesystem::absolute(path, error);
+  return error ? path : whole.lexically_normal();
 }
 
 }  // namespace tg

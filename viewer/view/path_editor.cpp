@@ -37,7 +37,7 @@ void addKey(ViewerState& state) {
   if (editor.path.keys.empty()) editor.path.aspect = state.camera.aspect;
   appendKey(editor.path, currentKey(state), editor.key_seconds);
   editor.key = static_cast<int>(editor.path.keys.size()) - 1;
-  editor.at = editor.path.keys.back().time;
+  editor.at = editor.path.keys.back().time - editor.path.keys.front().time;
   editor.playing = false;
   notify(state, "Key " + std::to_string(editor.key) + " of the path");
 }

@@ -11,6 +11,7 @@
 #include "core/file/json.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
+#include "viewer/view/parse.h"
 #include "viewer/view/web_address.h"
 
 namespace tg {
@@ -74,8 +75,9 @@ Session parseSession(const std::string& json, const std::string& file) {
   (void)object.integer("version", kSessionVersion, kSessionVersion);
   Session session;
   const auto [width, height] = object.numbers<2>("window");
-  if (!(width >= 1 && height >= 1 && width <= kMaxImageSide && height <= kMaxImageSide)) {
-    object.fail("\"window\": expected sides of 1 to " + std::to_string(kMaxImageSide));
+  const bool whole = width <= kMaxImageSide && height <= kMaxImageSide && width >= 1 && height >= 1;
+  if (!whole || !isImageSize(static_cast<int>(width), static_cast<int>(height))) {
+    object.fail("\"window\": expected " + imageSizeLimits());
   }
   session.window = {static_cast<int>(width), static_cast<int>(height)};
   session.panel = object.boolean("panel");

@@ -87,8 +87,10 @@ void setScene(ViewerState& state, Scene scene) {
 void replaceScene(ViewerState& state, Scene scene) {
   clearInspection(state);  // the numbers are of another model
   forgetModel(state);
+  const bool own_box = state.scene.partial && state.display.box == boxOfMeans(state.scene, 0.0);
   scene.camera_lists = state.scene.camera_lists + (scene.cameras == state.scene.cameras ? 0 : 1);
   state.scene = std::move(scene);
+  if (own_box) resetCrop(state);  // a part's holds no more than it
   if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) state.camera.index = -1;
 }
 
@@ -140,6 +142,9 @@ void attempt(ViewerState& state, const std::function<void()>& action) {
   } catch (const std::bad_alloc&) {
     state.messages.error = "There is not enough memory for this";
     state.messages.notice_until = 0;
+  } catch (const std::filesystem::filesystem_error& error) {
+    state.messages.error = printable(error.what());
+    state.messages.notice_until = 0;
   }
 }
 
@@ -157,7 +162,8 @@ std::filesystem::path freeName(const std::string& stem, const std::string& exten
     std::string number = std::to_string(i);
     if (number.size() < 3) number.insert(0, 3 - number.size(), '0');
     const std::filesystem::path path = stem + "-" + number + extension;
-    if (!std::filesystem::exists(path)) return path;
+    std::error_code none;  // a name that is too long, say, is for who writes the file
+    if (!std::filesystem::exists(path, none)) return path;
   }
 }
 

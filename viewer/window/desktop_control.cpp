@@ -13,18 +13,13 @@
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
+#include "viewer/view/names.h"
 #include "viewer/view/path_editor.h"
 #include "viewer/view/web_address.h"
 #include "viewer/window/glfw.h"
 
 namespace tg {
 namespace {
-
-std::filesystem::path absolutePath(const std::filesystem::path& path) {
-  std::error_code error;
-  std::filesystem::path whole = std::filesystem::absolute(path, error);
-  return error ? path : whole.lexically_normal();
-}
 
 // The monitor that shows most of a window; null where none is known.
 GLFWmonitor* monitorOf(GLFWwindow* window) {

@@ -121,9 +121,7 @@ class Viewer {
   void drawFrame();
   bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
   // Levels are on their way that a script waits for.
-  bool streaming() const {
-    return script_ && state_.scene.streamed_from > 0 && !state_.stream.settled && !state_.loading.script_goes_on;
-  }
+  bool streaming() const { return script_ && !state_.stream.settled && !state_.loading.script_goes_on; }
   // The picture on screen is that of the present state at full size, or will never come. While the camera moves by
   // itself, any picture; to be saved, one at full size.
   bool complete() const;
@@ -182,6 +180,7 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       runs_(options, started_, script_.has_value()) {
   awake_ = true;
   session_.start(state_);
+  if (script_) script_->error = state_.messages.error;
   if (!options.path.empty() && !options.benchmark) readPathFile(state_, options.path);
   state_.follow.active = options.follow;
   state_.compare.photographs = options.photographs;
@@ -361,7 +360,10 @@ void Viewer::keepEdits(bool moving) {
 // made once the last one is on screen; what a recording draws need not be.
 void Viewer::wishForLevels() {
   StreamState& stream = state_.stream;
-  if (state_.scene.streamed_from == 0) return;
+  const int other = state_.compare.how.mode == CompareMode::off ? -1 : otherDocument(state_);
+  const auto isStreamed = [](const Scene& scene) { return scene.streamed_from > 0; };
+  const bool beside = other >= 0 && isStreamed(state_.documents.open[static_cast<std::size_t>(other)].scene);
+  if (!isStreamed(state_.scene) && !beside) return;
   if (runs_.active()) {
     if (const Camera* next = runs_.next()) stream.camera = *next;
     stream.drawn = true;
@@ -640,7 +642,7 @@ void Viewer::capture() {
   try {
     const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->screen());
     if (saved.empty() || script_) return;  // a script's next picture must not show it
-    notify(state_, "Saved " + std::filesystem::absolute(saved).string());
+    notify(state_, "Saved " + absolutePath(saved).string());
   } catch (const Error& error) {
     if (script_) throw;
     state_.messages.error = error.what();

@@ -514,6 +514,20 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   CHECK(state.quit);
 }
 
+TEST_CASE("after Esc a file that cannot be read is a message, though nothing has opened yet") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  std::ofstream(folder / "broken.tgz") << "nothing";
+  Window window(optionsFor(folder / "a.tgz"));
+  window.state.loading.cancel = true;
+  window.settle();
+  CHECK(window.state.documents.open.empty());
+  window.open(folder / "broken.tgz");
+  CHECK_THAT(window.state.messages.error, Contains("broken.tgz"));
+  window.open(folder / "a.tgz");
+  CHECK(window.state.scene.gaussians == 3);
+}
+
 TEST_CASE("a window without a file stays empty until one is opened, and says what cannot be") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {});

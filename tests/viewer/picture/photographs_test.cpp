@@ -21,6 +21,10 @@ TEST_CASE("photographs are found by the names of cameras, in the folders of the 
                            "eval/r_0.png", "r_0.png", "images/b.png", "a/b.png"}) {
     touch(name);
   }
+  std::filesystem::create_directory(folder / "views");
+  std::filesystem::create_directory_symlink(folder.path, folder / "views/all");  // one that leads to itself, too
+  CHECK(Photographs(folder / "views").size() > 0);
+  std::filesystem::remove_all(folder / "views");
   const Photographs photographs(folder.path);
   CHECK(photographs.size() == 11);
   Camera camera;

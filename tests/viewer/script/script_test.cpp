@@ -158,6 +158,8 @@ TEST_CASE("what the viewer says that did not work ends the script under the comm
   ViewerState state;
   state.messages.error = "of the last session";
   Script script = parseScript("tab edit\nload-path none.json\ntab view\n", "s.txt");
+  CHECK_THROWS_WITH(step(script, state), "s.txt: before line 1: of the last session");
+  script.error = state.messages.error;
   CHECK_FALSE(step(script, state));
   const auto go = [&] {
     while (!state.quit) step(script, state);

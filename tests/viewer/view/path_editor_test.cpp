@@ -82,6 +82,12 @@ TEST_CASE("B goes through the bookmarks, removed ones leave their number to new 
   removeBookmark(state, 0);
   addBookmark(state);
   CHECK(state.camera.bookmarks[2].name == "view 5");
+  goToBookmark(state, 1);
+  state.camera.bookmark = 1;
+  const std::string at = state.camera.bookmarks[1].name;
+  removeBookmark(state, 0);
+  CHECK(state.camera.bookmarks[static_cast<std::size_t>(state.camera.bookmark)].name == at);
+  addBookmark(state);
   CHECK_THROWS_AS(readBookmarks(state, "no-such-file.json"), Error);
   CHECK(state.camera.bookmarks.size() == 3);
 }
@@ -182,6 +188,11 @@ TEST_CASE("keys can be set, deleted and cleared") {
   showKey(state, 1);
   CHECK(distanceOf(state.camera.pose, here) < 1e-9);
   CHECK(state.path.at == 2);
+  for (PathKey& key : state.path.path.keys) key.time += 100;  // as a file may have them
+  addKey(state);
+  CHECK(state.path.at == duration(state.path.path));
+  deleteKey(state, state.path.path.keys.size() - 1);
+  showKey(state, 1);
   deleteKey(state, 0);
   CHECK(state.path.path.keys.size() == 2);
   CHECK(state.path.key == 0);
