@@ -44,13 +44,25 @@ float stepsWithin(const std::string& path, const Bundle& scene, std::uint64_t by
   }
 }
 
+// Of a scene that was trained for a file of `size.steps`: those, or coarser ones where it is too large. Where it has
+// become so much smaller since that there is room, parts of them: what training has put on their grid stays where it
+// is, at hardly any bytes, and what it has left free is held closer.
+float stepsOf(const std::string& path, const Bundle& scene, SceneSize size) {
+  if (size.bytes == 0) return size.steps;
+  const Format& format = outputFormat(path);
+  const auto bytesWith = [&](float steps) { return bytesOf(format, path, scene, {.steps = steps}); };
+  const std::uint64_t bytes = size.steps > 0 ? bytesWith(size.steps) : 0;
+  if (size.steps == 0 || bytes > size.bytes) return stepsWithin(path, scene, size.bytes);
+  float steps = size.steps;
+  if (bytes > size.bytes - size.bytes / 50) return steps;
+  while (steps / 2 >= kLeastSteps && bytesWith(steps / 2) <= size.bytes) steps /= 2;
+  return steps;
+}
+
 void write(const std::string& path, const Bundle& scene, bool replace, bool quiet, SceneSize size) {
   const Format& format = outputFormat(path);
   WriteOptions options{.replace = replace};
-  if (size.steps > 0) options.steps = size.steps;
-  if (size.bytes > 0 && (size.steps == 0 || bytesOf(format, path, scene, options) > size.bytes)) {
-    options.steps = stepsWithin(path, scene, size.bytes);
-  }
+  if (const float steps = stepsOf(path, scene, size); steps > 0) options.steps = steps;
   Written written;
   writeModel(format, path, scene, options, written);
   if (quiet) return;

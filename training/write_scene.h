@@ -37,9 +37,10 @@ Error keepModel(const std::string& path, const Bundle& scene, const Error& why);
 
 // Writes `scene`, as writeAfterTraining(); its cameras only where the format has them and neither size nor steps are
 // asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size,
-// and without any, the finest that do not. Returns what to say of it beside its name: "(59961 bytes, 41.2 dB to the
-// model)", where numbers are rounded, over up to four views. quiet: warnings are kept to itself. Throws Error(usage)
-// where no steps bring it to that size, and what the writers throw, after keepModel() where it is not `kept` elsewhere.
+// and without any, the finest that do not; of steps that leave a fiftieth of it free a half, a quarter and so on, as
+// far as it fits. Returns what to say of it beside its name: "(59961 bytes, 41.2 dB to the model)", where numbers are
+// rounded, over up to four views. quiet: warnings are kept to itself. Throws Error(usage) where no steps bring it to
+// that size, and what the writers throw, after keepModel() where it is not `kept` elsewhere.
 std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
                        SceneSize size = {});
 

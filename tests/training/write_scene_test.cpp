@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a trained model is written as.
+#include "training/write_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <vector>
+
+#include "converter/registry/file_format.h"
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+
+using namespace tg;
+
+TEST_CASE("a file that has room is written in parts of the steps that it was trained for") {
+  const TemporaryFolder folder;
+  const std::string path = (folder / "scene.sog").string();
+  float steps = 8;
+  Bundle scene;
+  scene.model = asStored(path, tinyTexturedModel(3000), 0, steps);
+  for (glm::vec3& color : scene.model.sh) color += 0.011f;  // has gone on, and lies on no grid
+  const auto written = [&](std::uint64_t bytes) {
+    writeScene(path, scene, true, "", true, {bytes, steps});
+    return std::filesystem::file_size(path);
+  };
+  const std::uint64_t trained = written(0);
+  CHECK(written(trained * 102 / 100) == trained);
+  CHECK(written(trained * 99 / 100) <= trained * 99 / 100);
+  const std::uint64_t most = trained * 2;
+  const std::uint64_t finer = written(most);
+  CHECK(finer > trained);
+  CHECK(finer <= most);
+  const auto sorted = [](const GaussianModel& model) {
+    std::vector<float> all;
+    for (const glm::vec3& mean : model.mean) all.push_back(mean.x);
+    std::ranges::sort(all);
+    return all;
+  };
+  const std::vector<float> before = sorted(scene.model), after = sorted(readModel(path).model);
+  REQUIRE(before.size() == after.size());
+  float farthest = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) farthest = std::max(farthest, std::abs(before[i] - after[i]));
+  CHECK(farthest < 1e-4f);
+}
