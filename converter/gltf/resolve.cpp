@@ -112,8 +112,7 @@ class Resolver {
         return bytes;
       }
     } catch (const Error& error) {
-      throw Error(error.kind, path_,
-                  shortened(pointer) + ": " + shortened(std::string("external file: ") + error.what()));
+      fail(pointer, std::string("external file: ") + error.what());
     }
     fail(pointer, "the file is too short" + expectedFound(*least, size));
   }
