@@ -23,7 +23,6 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{64} << 20;
 constexpr std::size_t kMaxFiles = 1'000'000;
 constexpr std::size_t kMaxChildren = 1'000'000;
 constexpr std::size_t kMaxName = 1024;
@@ -195,7 +194,7 @@ LodScene parseLodScene(std::span<const std::uint8_t> json, const std::string& pa
 }
 
 LodScene readLodScene(const std::filesystem::path& path) {
-  return parseLodScene(readFile(path, kMaxMetaBytes), path.string());
+  return parseLodScene(readFile(path, kMaxLodMetaBytes), path.string());
 }
 
 std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reader) {

@@ -18,6 +18,7 @@ namespace tg {
 
 constexpr int kMaxLodLevels = 16;
 constexpr const char* kLodMetaName = "lod-meta.json";
+constexpr std::uint64_t kMaxLodMetaBytes = std::uint64_t{64} << 20;
 
 // Gaussians [first, first + count) of a file.
 struct LodRange {

@@ -92,13 +92,14 @@ bool isFolder(const fs::path& path) {
 // Whether a picture is 1/factor of another, give or take the rounding of whoever reduced it.
 bool isReduced(int small, int large, int factor) { return std::abs(std::int64_t{small} * factor - large) < factor; }
 
-// Before others are read in their place: lengths in pixels are of the photographs that the cameras name, and of their
-// size where none stands beside them.
-void knowSizes(DatasetIndex& index) {
+// Before those in the folder `images` are read in their place: lengths in pixels are of the photographs that the
+// cameras name, and of their size where none stands beside them.
+void knowSizes(const fs::path& images, DatasetIndex& index) {
   parallelFor(static_cast<std::int64_t>(index.entries.size()), 1, [&](std::int64_t i) {
     DatasetIndex::Entry& entry = index.entries[static_cast<std::size_t>(i)];
     const bool in_pixels = entry.focal_x || entry.focal_y || entry.center_x || entry.center_y;
     if (entry.camera.size.x > 0 || entry.below_images.empty() || !in_pixels) return;
+    if (!isFile(images / entry.below_images)) return;  // skipped, as what is missing is
     if (!isFile(entry.image)) {
       throw Error(
           ErrorKind::badData, entry.image.string(),
@@ -141,7 +142,7 @@ bool useReducedFolder(const fs::path& folder, int factor, DatasetIndex& index, s
                     "): images is reduced instead");
     return false;
   }
-  knowSizes(index);
+  knowSizes(folder / name, index);
   for (DatasetIndex::Entry& entry : index.entries) entry.image = reduced(entry);
   notes.push_back("photographs are read from " + name + ", which holds them at 1/" + std::to_string(factor));
   return true;
@@ -451,7 +452,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   std::string images = options.images;
   int downscale = options.downscale;
   if (images != "images") {
-    knowSizes(index);
+    knowSizes(folder / images, index);
     bool follows = false;
     for (DatasetIndex::Entry& entry : index.entries) {
       if (entry.below_images.empty()) continue;

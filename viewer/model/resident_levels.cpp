@@ -15,8 +15,6 @@
 namespace tg {
 namespace {
 
-constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{64} << 20;  // as of a file
-
 // From the eye to a leaf's box, squared.
 double distance2(const LodLeaf& leaf, glm::dvec3 eye) {
   const glm::dvec3 nearest = glm::clamp(eye, glm::dvec3(leaf.means.low), glm::dvec3(leaf.means.high));
@@ -32,7 +30,7 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
     opened.reader = [server, stop](const std::string& relative, std::uint64_t most) {
       return server->read(relative, most, stop);
     };
-    opened.scene = parseLodScene(server->read("", kMaxMetaBytes, stop), path.string());
+    opened.scene = parseLodScene(server->read("", kMaxLodMetaBytes, stop), path.string());
   } else {
     opened.reader = [files = lodFolderReader(path), stop](const std::string& relative, std::uint64_t most) {
       if (stop.stop_requested()) throw ReadCancelled();

@@ -400,7 +400,10 @@ TEST_CASE("lengths in pixels without a size are of the photographs that are not 
   tg::TemporaryFolder folder;
   writePicture(folder / "images/a.png", 16, 12, 3);
   writePicture(folder / "images_2/a.png", 8, 6, 3);
-  Json json = {{"camera_angle_x", 1.0}, {"fl_x", 20.0}, {"cx", 9.0}, {"frames", {frame("images/a.png")}}};
+  Json json = {{"camera_angle_x", 1.0},
+               {"fl_x", 20.0},
+               {"cx", 9.0},
+               {"frames", {frame("images/a.png"), frame("images/gone.png")}}};
   writeText(folder / "transforms.json", json.dump());
   DatasetOptions reduced, named;
   reduced.downscale = 2;
@@ -410,6 +413,7 @@ TEST_CASE("lengths in pixels without a size are of the photographs that are not 
     CHECK(dataset.views.at(0).size.x == 8);
     CHECK(dataset.views.at(0).focal.x == Approx(10));
     CHECK(dataset.views.at(0).center.x == Approx(4.5));
+    CHECK(dataset.missing_images == 1);
   }
   fs::remove(folder / "images/a.png");
   CHECK_THAT(refusal(folder.path, named), Contains("images/a.png: is not there to tell the size"));
