@@ -26,6 +26,7 @@
 #include "core/bundle/read_progress.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
+#include "core/file/web_address.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
@@ -333,7 +334,12 @@ FileStart readStart(const Path& path) {
   constexpr std::size_t kSniffBytes = 4096;  // holds the header of every compressed PLY
   std::error_code status;
   const std::filesystem::file_type type = std::filesystem::status(path, status).type();
-  if (type == std::filesystem::file_type::not_found) throw Error(ErrorKind::cannotRead, path.string(), "no such file");
+  if (type == std::filesystem::file_type::not_found) {
+    throw Error(ErrorKind::cannotRead, path.string(),
+                isWebAddress(path.string())
+                    ? "is an address (expected a file, so download it first; tgview opens a lod-meta.json at one)"
+                    : "no such file");
+  }
   if (status) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + status.message());
   if (std::filesystem::is_directory(path, status)) {
     throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");

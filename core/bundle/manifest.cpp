@@ -39,6 +39,8 @@ constexpr FixedValue kFixedSpace[] = {
     {"antialias", "none"},                  // no low-pass at render time
 };
 
+const std::array<const char*, 4> kAtlasChannels = {"R", "G", "B", "alpha"};
+
 std::string roleOf(const std::string& name) {
   if (name == kGaussiansName) return "gaussians";
   if (name == kRectsName) return "rectangles";
@@ -92,6 +94,13 @@ void parseAtlas(const JsonNode& root, Manifest& manifest) {
   const JsonNode atlas{root.member("atlas"), root.path, "atlas"};
   manifest.atlas_width = static_cast<int>(atlas.integer("width", 1, kMaxAtlasPageSide));
   manifest.atlas_height = static_cast<int>(atlas.integer("height", 1, kMaxAtlasPageSide));
+  const nlohmann::json channels = kAtlasChannels;
+  if (atlas.has("channels") && atlas.value["channels"] != channels) {
+    atlas.fail("\"channels\": not supported" + expectedFound(channels.dump(), atlas.at("channels").shown()));
+  }
+  if (atlas.has("associatedAlpha") && atlas.boolean("associatedAlpha")) {
+    atlas.fail("\"associatedAlpha\": not supported" + expectedFound("false", "true"));
+  }
 }
 
 void parseFiles(const JsonNode& root, Manifest& manifest) {
@@ -168,7 +177,7 @@ std::string formatManifest(const Manifest& manifest) {
   if (manifest.atlas_pages > 0) {
     root["atlas"] = {{"width", manifest.atlas_width},
                      {"height", manifest.atlas_height},
-                     {"channels", {"R", "G", "B", "alpha"}},
+                     {"channels", kAtlasChannels},
                      {"associatedAlpha", false}};
   }
   root["files"] = nlohmann::ordered_json::array();

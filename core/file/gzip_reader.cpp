@@ -59,6 +59,9 @@ struct GzipReader::State {
     return stream.avail_in > 0;
   }
 
+  // Whether another stream follows the one that ended (RFC 1952, section 2.2: a file is one or more).
+  bool anotherStream() { return (stream.avail_in > 0 || refill()) && *stream.next_in == 0x1f; }
+
   // Fills `output`, which is shorter at the end and empty after it.
   void inflateNext(std::vector<std::uint8_t>& output);
 };
@@ -142,7 +145,8 @@ void GzipReader::State::inflateNext(std::vector<std::uint8_t>& output) {
     const int result = inflate(&stream, Z_NO_FLUSH);
     bytes_in += before - stream.avail_in;
     if (result == Z_STREAM_END) {
-      finished = true;
+      finished = !anotherStream();
+      if (!finished) inflateReset(&stream);
     } else if (result != Z_OK) {
       fail(std::string("broken gzip stream: ") + (stream.msg ? stream.msg : "unexpected data"));
     }

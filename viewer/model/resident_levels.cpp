@@ -6,11 +6,11 @@
 #include <new>
 #include <tuple>
 
+#include "core/file/web_address.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/model/http_reader.h"
-#include "viewer/view/web_address.h"
 
 namespace tg {
 namespace {

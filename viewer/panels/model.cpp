@@ -2,12 +2,12 @@
 // Which model is shown, and what is in it.
 #include <imgui.h>
 
+#include "core/file/web_address.h"
 #include "core/system/error.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/names.h"
-#include "viewer/view/web_address.h"
 
 namespace tg {
 namespace {

@@ -9,10 +9,10 @@
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/file/web_address.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/parse.h"
-#include "viewer/view/web_address.h"
 
 namespace tg {
 namespace {

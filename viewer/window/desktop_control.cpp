@@ -10,12 +10,12 @@
 #include "core/bundle/training_json.h"
 #include "core/file/file.h"
 #include "core/file/identity.h"
+#include "core/file/web_address.h"
 #include "core/system/error.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/names.h"
 #include "viewer/view/path_editor.h"
-#include "viewer/view/web_address.h"
 #include "viewer/window/glfw.h"
 
 namespace tg {

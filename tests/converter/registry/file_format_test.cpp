@@ -59,6 +59,9 @@ TEST_CASE("what is no readable file is refused with exit code 2") {
   };
   CHECK(kind(scratch.folder()) == 2);
   CHECK(kind(scratch.folder() / "missing.glb") == 2);
+  CHECK(kind("http://127.0.0.1/a.sog") == 2);
+  CHECK_THAT(test::messageOf([] { readModel("http://127.0.0.1/a.sog"); }),
+             Contains("http://127.0.0.1/a.sog: is an address (expected a file, "));
 }
 
 TEST_CASE("a file that may not be read says why") {

@@ -321,6 +321,24 @@ TEST_CASE("bytes after the gzip stream are ignored with a warning") {
   REQUIRE_THAT(bundle.warnings[0], Catch::Matchers::StartsWith("ignored bytes after the end"));
 }
 
+TEST_CASE("a bundle in several gzip streams, as parallel compressors make them, is read") {
+  const tg::TemporaryFolder folder;
+  const Archive archive;
+  const Bytes tar = tg::formatTar(archive.entries);
+  const std::size_t half = tar.size() / 2;
+  Bytes bytes = tg::gzip({tar.begin(), tar.begin() + static_cast<std::ptrdiff_t>(half)});
+  const Bytes nothing = tg::gzip({}), rest = tg::gzip({tar.begin() + static_cast<std::ptrdiff_t>(half), tar.end()});
+  bytes.insert(bytes.end(), nothing.begin(), nothing.end());
+  bytes.insert(bytes.end(), rest.begin(), rest.end());
+  writeQuickly(folder / "a.tgz", bytes);
+  const tg::Bundle bundle = tg::readBundle(folder / "a.tgz");
+  CHECK(bundle.warnings.empty());
+  CHECK(bundle.model.size() == tg::readBundle(archive.file).model.size());
+  bytes.pop_back();
+  writeQuickly(folder / "a.tgz", bytes);
+  CHECK_THROWS_WITH(tg::readBundle(folder / "a.tgz"), Contains("gzip stream ends early"));
+}
+
 TEST_CASE("files that are no gzip, empty files and folders are refused") {
   const tg::TemporaryFolder folder;
   writeQuickly(folder / "a.tgz", toBytes("ply\n"));
@@ -386,6 +404,11 @@ TEST_CASE("a manifest that asks for what this program cannot show is refused by 
   REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["outside"] = "skip"; }),
                       Contains("manifest.json: \"outside\": expected base, clip or edge, found \"skip\""));
   REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["outside"] = 1; }), Contains("\"outside\""));
+  REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["atlas"]["channels"] = {"R", "G", "B", "A"}; }),
+                      Contains("\"channels\": not supported (expected [\"R\",\"G\",\"B\",\"alpha\"], found "));
+  REQUIRE_THROWS_WITH(readWithManifest([](nlohmann::json& m) { m["atlas"]["associatedAlpha"] = true; }),
+                      Contains("\"associatedAlpha\": not supported (expected false, found true)"));
+  REQUIRE_NOTHROW(readWithManifest([](nlohmann::json& m) { m["atlas"].erase("channels"); }));
   REQUIRE_NOTHROW(readWithManifest([](nlohmann::json& m) { m["formatVersion"] = "1.7", m["news"] = true; }));
 }
 

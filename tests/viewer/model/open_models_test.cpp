@@ -42,6 +42,22 @@ void writeModel(const std::filesystem::path& path, std::size_t gaussians, const 
   writeBundle(path, bundle);
 }
 
+// A reader that shows a part of its file and waits until it may read the rest.
+struct SlowReader {
+  std::atomic<bool> go_on{false};
+  void finish() {
+    go_on = true;
+    go_on.notify_all();
+  }
+  ModelReader reader() {
+    return [this](const std::filesystem::path& path, const ReadOptions& read) {
+      if (read.progress && read.progress->preview) read.progress->preview(tinyTexturedModel(2));
+      go_on.wait(false);
+      return readModel(path, read);
+    };
+  }
+};
+
 // The window's part: a state and its open models, turned until nothing is left to do.
 struct Window {
   explicit Window(const ViewOptions& options, ModelReader read = {})
@@ -439,6 +455,61 @@ TEST_CASE("the state says which file is read, how far it is, and how many wait")
   CHECK_FALSE(loading.active);
   CHECK(loading.waiting == 0);
   CHECK(window.state.documents.open.size() == 3);
+}
+
+TEST_CASE("a model that is closed while its rest is read stays closed until it is opened again") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  SlowReader slow;
+  Window window(optionsFor(folder / "a.tgz"), slow.reader());
+  ViewerState& state = window.state;
+  window.followUntil([&] { return state.scene.partial; });
+  CHECK(state.scene.gaussians == 2);
+  press(state, kControl | 'W');
+  window.followUntil([&] { return state.documents.open.empty(); });
+  slow.finish();
+  window.settle();
+  CHECK(state.documents.open.empty());
+  CHECK_FALSE(state.scene.model);
+  window.open(folder / "a.tgz");
+  CHECK(state.scene.gaussians == 3);
+}
+
+TEST_CASE("a part lacks the background of its model, which comes with the rest unless another was chosen") {
+  const TemporaryFolder folder;
+  const glm::vec3 white(1.0f), red(1.0f, 0.0f, 0.0f);
+  writeModel(folder / "a.tgz", 3, {"x.png"}, white);
+  const bool chosen = GENERATE(false, true);
+  SlowReader slow;
+  Window window(optionsFor(folder / "a.tgz"), slow.reader());
+  ViewerState& state = window.state;
+  window.followUntil([&] { return state.scene.partial; });
+  CHECK(state.display.settings.background == glm::vec3(0.0f));
+  if (chosen) state.display.settings.background = red;
+  slow.finish();
+  window.settle();
+  REQUIRE(state.scene.gaussians == 3);
+  CHECK(state.display.settings.background == (chosen ? red : white));
+}
+
+TEST_CASE("a comparison ends with the model that it was with") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  writeModel(folder / "b.tgz", 4, {});
+  writeModel(folder / "c.tgz", 5, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  window.open(folder / "b.tgz");
+  window.open(folder / "c.tgz");
+  ViewerState& state = window.state;
+  state.compare.how.mode = CompareMode::side;
+  press(state, kControl | 'W');
+  window.settle();
+  CHECK(state.compare.how.mode == CompareMode::side);  // another is left
+  press(state, kControl | 'W');
+  window.settle();
+  CHECK(state.documents.open.size() == 1);
+  CHECK(state.compare.how.mode == CompareMode::off);
 }
 
 TEST_CASE("a file that is open and has changed is read again in its place, under the same view") {
