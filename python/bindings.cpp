@@ -14,6 +14,7 @@
 #include <span>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "textured_gaussians/textured_gaussians.h"
@@ -476,19 +477,25 @@ test_every: every n-th photograph is held out where the data set has no split; 0
 
   py::class_<Trainer>(module, "Trainer",
                       "A training on the processor, with all threads. Calls of several threads wait for one another.")
-      .def(py::init([](const Dataset& dataset, const std::string& preset, const std::optional<Model>& start,
+      .def(py::init([](const Dataset& dataset, const std::string& preset, const std::optional<std::variant<std::string, Model>>& start,
                        const py::kwargs& settings) {
              TrainOptions options{preset, {}};
+             std::optional<Model> model;
+             if (start && std::holds_alternative<Model>(*start)) {
+               model = std::get<Model>(*start);
+             } else if (start) {
+               options.settings["start"] = std::get<std::string>(*start);
+             }
              for (const auto& [key, value] : settings) {
                std::string name = py::str(key);
                std::ranges::replace(name, '_', '-');
                options.settings[name] = settingText(py::reinterpret_borrow<py::object>(value));
              }
              const py::gil_scoped_release release;
-             return std::make_unique<Trainer>(dataset, options, start);
+             return std::make_unique<Trainer>(dataset, options, model);
            }),
            "dataset"_a, "preset"_a = "default", "start"_a = py::none(), R"(preset, and over it settings by the names of
-tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from.)")
+tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from, or tgtrain's setting of this name, as "random".)")
       .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
            "One iteration; False: there was none left.")
       .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()))

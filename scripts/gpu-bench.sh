@@ -64,7 +64,11 @@ fi
 bin=$build/bin
 
 table="$out/table.md"
-row() { echo "| $1 | $2 |" >>"$table"; }
+failed=0
+row() {
+  case "$2" in FAILED*) failed=1 ;; esac
+  echo "| $1 | $2 |" >>"$table"
+}
 # tests NAME PROGRAM LOG: a row with what a Catch2 program says at its end.
 tests() {
   if "$2" >"$out/$3" 2>&1; then
@@ -127,7 +131,7 @@ fi
 # Times: a seeded scene with 60 blended splats a pixel. kernels.txt has the table of each setting's kernels.
 if ! part times; then
   cat "$table"
-  exit 0
+  exit $failed
 fi
 rate() { sed -nE 's/^([0-9.]+) it\/s over.*/\1/p' "$1"; }
 gsplat=
@@ -159,8 +163,8 @@ for size in $sizes; do
       log="$out/gsplat_${size}_$gaussians.log"
       if python3 bench/gsplat_bench.py --width "${size%x*}" --height "${size#*x}" --gaussians $gaussians \
         --iterations "$iterations" >"$log" 2>&1; then
-        row "$setting, gsplat" "$(rate "$log") it/s; ours over it $(awk -v a="${plain:-0}" -v b="$(rate "$log")" \
-          'BEGIN { printf "%.2f x", a / b }')"
+        row "$setting, gsplat" "$(rate "$log") it/s$(awk -v a="${plain:-0}" -v b="$(rate "$log")" \
+          'BEGIN { if (a > 0 && b > 0) printf "; ours over it %.2f x", a / b }')"
       else
         row "$setting, gsplat" "$(tail -1 "$log")"
       fi
@@ -169,3 +173,4 @@ for size in $sizes; do
 done
 [ -n "$gsplat" ] || row "gsplat" "not importable"
 cat "$table"
+exit $failed

@@ -432,7 +432,7 @@ int train(const TrainFlags& options, Processes* together) {
       TrainResult result = trainer.result();
       throw keepModel(
           options.output,
-          makeTrainedBundle(dataset, settings, result.report, std::move(result.model), *renderer, json_options), why);
+          makeTrainedBundle(dataset, settings, result.report, std::move(result.model), json_options), why);
     }
     if (!options.quiet) line.show(trainer.progress());
     if (run) run->afterStep(trainer);
@@ -457,7 +457,7 @@ int train(const TrainFlags& options, Processes* together) {
   std::string written;  // what there is to say of the output
   bool too_large = false;
   const auto save = [&](const std::string& path, GaussianModel model, const TrainReport& report, SceneSize size = {}) {
-    Bundle bundle = makeTrainedBundle(dataset, settings, report, std::move(model), *renderer, json_options);
+    Bundle bundle = makeTrainedBundle(dataset, settings, report, std::move(model), json_options);
     const std::string training_json = bundle.training_json;
     const std::string kept = run && path == options.output ? run->model().string() : "";
     writeOutput(path, [&](bool replace) {

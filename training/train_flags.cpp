@@ -193,6 +193,11 @@ void warnIdleSettings(const TrainFlags& options) {
   if (!options.start_model.empty()) {
     warn("--start-model",
          [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
+    if (settings.texture_iterations == 0 && options.target_bytes == 0) {
+      warn("--texture-iterations 0", [](const SettingEntry& entry) {
+        return entry.name == "adaptive-texels" || entry.name == "texture-dictionary";
+      });
+    }
   }
   const auto is_pixels = [](const SettingEntry& entry) { return entry.name == "pixels-per-texel"; };
   if (textured && settings.texel_budget > 0) {

@@ -165,7 +165,7 @@ class Trainer:
         self,
         dataset: Dataset,
         preset: str = ...,
-        start: Optional[Model] = ...,
+        start: Union[Model, str, None] = ...,
         **settings: Union[str, int, float, bool, np.generic],
     ) -> None: ...
     def step(self) -> bool: ...

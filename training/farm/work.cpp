@@ -39,6 +39,7 @@ constexpr const char* kThisProgram = "/proc/self/exe";  // also while another ve
 constexpr std::chrono::seconds kPatience(30);           // to finish a step and write a checkpoint
 constexpr int kPause = 50;                              // [ms] between two looks for a signal
 constexpr int kSignalled = 128;
+constexpr Seconds kSignalDelay(3);  // between a scheduler's signals to processes of one job
 
 std::string workerName() {
   char host[HOST_NAME_MAX + 1] = {};
@@ -206,7 +207,10 @@ class Worker {
 
   void finish(const FarmJob& job, int number, int failures, Failure failure) {
     const fs::path place = folder_.attempt(job.name, number), result = place / "result";
-    if (isStopCode(failure.code)) {  // sent to the whole job of a scheduler: this worker's own comes, too
+    // A scheduler's signal goes to the whole job, so this worker's own comes, too. One for the training alone, of what
+    // watches over memory, say, comes again with each attempt: it counts as a failure.
+    if (isStopCode(failure.code)) pause(kSignalDelay);
+    if (isStopCode(failure.code) && stop_ != 0) {
       folder_.end(job.name, number, AttemptEnd::released, {failure.code, "stopped"});
       return listener_.say(job.name + ": stopped; open for others");
     }
@@ -223,7 +227,9 @@ class Worker {
       return folder_.end(job.name, number, AttemptEnd::failed, failure);
     }
     writeTextAtomically(result / "job.json", dumpJson(jsonOf(job), 1) + "\n");
-    copyFileAtomically(place / "run" / kMetricsName, result / kMetricsName);
+    // Another worker that took the job over meanwhile may have taken the run along: the model counts without it.
+    const fs::path metrics = place / "run" / kMetricsName;
+    if (isFile(metrics)) copyFileAtomically(metrics, result / kMetricsName);
     const bool first = folder_.publish(job.name, number);
     listener_.say(job.name + (first ? ": done" : ": done by another worker meanwhile"));
     folder_.sweep(job.name);

@@ -33,7 +33,7 @@ static_assert(std::endian::native == std::endian::little, "numbers are written a
 static_assert(sizeof(int) == 4 && sizeof(std::size_t) == 8 && sizeof(TextureRect) == 8 && sizeof(glm::vec3) == 12);
 
 constexpr char kMagic[8] = {'T', 'G', 'C', 'K', 'P', 'T', '\r', '\n'};
-constexpr std::uint32_t kVersion = 3;
+constexpr std::uint32_t kVersion = 4;
 static_assert(kFieldCount == 5, "older checkpoints lack the new parameter: raise kVersion");
 constexpr std::uint64_t kMaxTextBytes = 1 << 20;
 constexpr std::size_t kMaxGaussians = std::size_t{1} << 32;
@@ -203,7 +203,7 @@ class StateFields {
 
   void state(Is<RunState> auto& run) {
     auto& [stage, iteration, finished, default_gaussians, training, min_sigma, statistics, densify_random, view_order,
-           loss, squared_error, seconds, file_steps, untextured_start, textured, report] = run;
+           loss, squared_error, seconds, texture_groups, file_steps, untextured_start, textured, report] = run;
     choice("stage", stage, Stage::quantized);
     archive_.value("iteration", iteration);
     archive_.value("finished", finished);
@@ -216,6 +216,7 @@ class StateFields {
     runningMean("loss", loss);
     runningMean("squared_error", squared_error);
     archive_.value("seconds", seconds);
+    textureGroups("texture_groups", texture_groups);
     archive_.value("file_steps", file_steps);
     model("untextured_start", untextured_start);
     model("textured", textured);
@@ -223,6 +224,15 @@ class StateFields {
   }
 
  private:
+  void textureGroups(const std::string& at, Is<std::optional<std::vector<std::uint32_t>>> auto& groups) {
+    std::vector<std::uint32_t> each = groups.value_or(std::vector<std::uint32_t>());
+    bool known = groups.has_value();
+    archive_.value(at + ".known", known);
+    archive_.array(at, each);
+    if constexpr (Archive::kReads) {
+      if (known) groups = std::move(each);
+    }
+  }
   void trainingState(const std::string& at, Is<TrainingState> auto& state) {
     auto& [gaussians, model_moments, step] = state;
     model(at + ".model", gaussians);
@@ -353,6 +363,12 @@ void checkState(const RunState& state, const std::string& path) {
       training.model, training.moments);
   if (training.step < 0) fail("training.step: expected 0 or more, found " + std::to_string(training.step));
   if (!state.min_sigma.empty()) expect("min_sigma", state.min_sigma.size(), count);
+  if (state.texture_groups && !state.texture_groups->empty()) {
+    expect("texture_groups", state.texture_groups->size(), count);
+    for (const std::uint32_t group : *state.texture_groups) {
+      if (group >= count) fail("texture_groups: a group of more than there are");
+    }
+  }
   expect("statistics.score_sum", state.statistics.score_sum.size(), count);
   expect("statistics.magnitude_sum", state.statistics.magnitude_sum.size(), count);
   expect("statistics.view_count", state.statistics.view_count.size(), count);

@@ -166,7 +166,6 @@ double RunFolder::seconds() const {
 std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
   TG_ASSERT(dataset_ == nullptr, "a run begins once");
   dataset_ = &inputs.dataset;
-  renderer_ = &inputs.renderer;
   json_ = inputs.json;
   log_.stop = inputs.stop;
   if (json_.fingerprint.empty()) json_.fingerprint = datasetFingerprint(inputs.dataset);
@@ -250,7 +249,7 @@ std::string RunFolder::save(const Trainer& trainer) {
   result.untextured.reset();
   json_.total_seconds = seconds();
   const Bundle bundle =
-      makeTrainedBundle(*dataset_, trainer.settings(), result.report, std::move(result.model), *renderer_, json_);
+      makeTrainedBundle(*dataset_, trainer.settings(), result.report, std::move(result.model), json_);
   writeBundle(model(), bundle);
   const Clock::time_point end = Clock::now();
   const double cost = std::chrono::duration<double>(end - start).count();

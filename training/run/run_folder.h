@@ -94,7 +94,6 @@ class RunFolder {
   bool has_checkpoint_ = false;
   double earlier_seconds_ = 0;
   const Dataset* dataset_ = nullptr;
-  DifferentiableRenderer* renderer_ = nullptr;
   TrainingJsonOptions json_;
   RunIdentity identity_;
   int metrics_ = -1;  // descriptor

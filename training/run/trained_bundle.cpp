@@ -3,9 +3,11 @@
 #include "training/run/trained_bundle.h"
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "core/system/assert.h"
+#include "render/renderer.h"
 
 namespace tg {
 namespace {
@@ -21,7 +23,7 @@ std::size_t previewView(const Dataset& dataset) {
 }
 
 Bundle makeTrainedBundle(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
-                         GaussianModel model, DifferentiableRenderer& renderer, const TrainingJsonOptions& options) {
+                         GaussianModel model, const TrainingJsonOptions& options) {
   Camera camera = dataset.views[previewView(dataset)];
   const int side = std::max(camera.size.x, camera.size.y);
   if (side > kPreviewSide) {
@@ -29,8 +31,16 @@ Bundle makeTrainedBundle(const Dataset& dataset, const TrainSettings& settings, 
                      std::max(1, camera.size.y * kPreviewSide / side));
   }
   Bundle bundle;
-  bundle.preview = renderPicture(renderer, model, camera, dataset.background);
-  bundle.model = std::move(model);
+  const auto drawn = std::make_shared<GaussianModel>(std::move(model));
+  {
+    const std::unique_ptr<Renderer> renderer = makeCpuRenderer();
+    renderer->setModel(drawn);
+    RenderSettings how;
+    how.background = dataset.background;
+    how.outputs = {Output::final};
+    bundle.preview = extract(renderer->render(camera, how), Output::final);
+  }
+  bundle.model = std::move(*drawn);
   bundle.background = dataset.background;
   bundle.cameras = dataset.views;
   bundle.training_json = formatTrainingJson(dataset, settings, report, bundle.model, options);

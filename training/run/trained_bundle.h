@@ -6,9 +6,10 @@
 
 namespace tg {
 
-// The preview is the first test view, at most 512 px a side.
+// The preview is the first test view, at most 512 px a side, drawn by the CPU: a GPU that a training fills has no room
+// for the model once more.
 Bundle makeTrainedBundle(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
-                         GaussianModel model, DifferentiableRenderer& renderer, const TrainingJsonOptions& options);
+                         GaussianModel model, const TrainingJsonOptions& options);
 
 // What previews show: the first test view, or the first view where there is no test.
 std::size_t previewView(const Dataset& dataset);

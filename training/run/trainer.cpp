@@ -226,7 +226,7 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   pull();
   engine_->stateChanged();
   state_.stage = stage;
-  texture_groups_.reset();
+  state_.texture_groups.reset();
   state_.iteration = known_losses_ = 0;
   state_.seconds = 0;
   state_.loss = {};
@@ -311,26 +311,27 @@ bool Trainer::shareTextures(const std::atomic<bool>* stop) {
   const std::uint64_t seed = stream(settings_.seed, Stream::dictionary).bits();
   if (!tg::shareTextures(model, entries, seenWeights(), kBitCost, seed, stop)) return false;
   resetMoments(state_.training);
-  texture_groups_.reset();
+  state_.texture_groups.reset();
   return true;
 }
 
-// What is the same stays the same from here on; a run that goes on finds it in the texels.
+// What is the same stays the same from here on. Of a model that was trained without a dictionary textures may be the same
+// by chance, as clamped ones are: only one that is fitted as it came keeps what it shares.
 void Trainer::findTextureGroups() {
-  if (texture_groups_) return;
-  texture_groups_.emplace();
+  if (state_.texture_groups) return;
+  state_.texture_groups.emplace();
   const bool dictionary =
       settings_.texture_dictionary > 0 &&
       (state_.stage == Stage::quantized ||
        (state_.stage == Stage::textured && state_.iteration >= settings_.texture_iterations / kSharedFrom));
-  if (!dictionary && state_.stage != Stage::quantized) return;
+  if (!dictionary && (state_.stage != Stage::quantized || settings_.texture_iterations > 0)) return;
   pull();
   if (!isTextured(state_.training.model)) return;
   std::vector<std::uint32_t> groups = textureGroups(state_.training.model.atlas);
   // Of a model whose textures were cut many have none, alike.
   if (!dictionary && !(areShared(groups) && shareTexels(state_.training.model.atlas, groups))) return;
   requireSharing(true, engine_->sharesTextures());
-  texture_groups_ = std::move(groups);
+  state_.texture_groups = std::move(groups);
 }
 
 // What has been merged starts with new moments, and all others with it: their first steps are larger, to settle into.
@@ -564,7 +565,7 @@ void Trainer::iterate() {
                                   decayedRate(kNoiseRate, kNoiseRateEnd, iteration, iterationsOf(state_.stage))),
       .noise_seed = stream(settings_.seed, Stream::noise).bits(),
       .clamp_colors = settings_.texture_init == TextureInit::paper,
-      .texture_groups = *texture_groups_};
+      .texture_groups = *state_.texture_groups};
   input.gradient.statistics = input.gather_statistics;
   input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
   input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;

@@ -140,7 +140,6 @@ class Trainer {
   mutable int known_losses_ = 0;  // of the stage's iterations
   const std::size_t test_views_;
   TimeLeft time_left_;
-  std::optional<std::vector<std::uint32_t>> texture_groups_;  // StepInput's, once it was looked for them
   std::function<void(std::size_t, std::size_t)> scoring_;
   Stored stored_;
 };

@@ -69,6 +69,7 @@ tg::RunState richState(const tg::Dataset& dataset, tg::DifferentiableRenderer& r
   state.untextured_start = state.training.model;
   state.report.count = state.report.quantized = state.report.plain;
   state.file_steps = 2.5f;
+  state.texture_groups = std::vector<std::uint32_t>(state.training.model.size(), 1);
   return state;
 }
 
@@ -149,6 +150,7 @@ TEST_CASE("a checkpoint comes back as it was written", "[checkpoint]") {
   CHECK(read.state.textured.outside == tg::TextureOutside::clip);
   CHECK(read.state.textured.atlas.texels == state.textured.atlas.texels);
   CHECK(read.state.min_sigma == state.min_sigma);
+  CHECK(read.state.texture_groups == state.texture_groups);
   CHECK(read.state.order.views == state.order.views);
   REQUIRE(read.state.report.textured);
   CHECK(read.state.report.textured->test->psnr == state.report.textured->test->psnr);
@@ -260,7 +262,7 @@ TEST_CASE("a checkpoint that ends early or has a wrong byte anywhere is refused"
   CHECK_THAT(refusal(longer), Contains("1 bytes after the end"));
   Bytes newer = bytes;
   newer[8] = 9;
-  CHECK_THAT(refusal(newer), Contains("another version of tgtrain (expected 3, found 9)"));
+  CHECK_THAT(refusal(newer), Contains("another version of tgtrain (expected 4, found 9)"));
   CHECK_THAT(refusal({'n', 'o'}), Contains("not a checkpoint"));
 
   CHECK_THROWS_WITH(tg::readCheckpoint(folder / "absent"), Contains("cannot open"));
@@ -288,6 +290,10 @@ TEST_CASE("what a checkpoint says is checked even where its checksums are right"
   CHECK_THAT(refused("textured.texels", {}), Contains("leaves the atlas"));
   CHECK_THAT(refused("statistics.view_count", {}), Contains("statistics.view_count: wrong length"));
   CHECK_THAT(refused("min_sigma", asBytes<float>({1})), Contains("min_sigma: wrong length"));
+  CHECK_THAT(refused("texture_groups", asBytes<std::uint32_t>({1})), Contains("texture_groups: wrong length"));
+  std::vector<std::uint32_t> groups(state.training.model.size(), 0);
+  groups.back() = static_cast<std::uint32_t>(groups.size());
+  CHECK_THAT(refused("texture_groups", asBytes(groups)), Contains("texture_groups: a group of more than there are"));
   CHECK_THAT(refused("order.position", asBytes<std::uint32_t>({5})), Contains("order.position"));
   CHECK_THAT(refused("default_gaussians", asBytes<std::uint64_t>({~std::uint64_t{0}})), Contains("default_gaussians"));
   std::vector<float> opacity = state.training.model.opacity_logit;
@@ -297,6 +303,7 @@ TEST_CASE("what a checkpoint says is checked even where its checksums are right"
   empty.training = {};
   empty.statistics.reset(0);
   empty.min_sigma = {};
+  empty.texture_groups.reset();
   CHECK_THAT(refusal(bytesOf(folder, empty)), Contains("no Gaussian inside"));
 
   // A length that no memory could hold.

@@ -348,6 +348,32 @@ TEST_CASE("with a dictionary Gaussians share its textures to the end, and it lea
   }
 }
 
+TEST_CASE("textures that are equal by chance are not shared, neither in a run that goes on nor in a file's",
+          "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  const bool dictionary = GENERATE(true, false);
+  tg::TrainSettings settings = shortRun();
+  settings.texture_iterations = 40;
+  settings.texture_dictionary = dictionary ? 6 : 0;
+  settings.quantize_iterations = 20;
+  const auto rounded = [](const tg::GaussianModel& model, float&) { return model; };
+  tg::Trainer trainer(dataset, settings, *renderer);
+  trainer.onQuantizing(rounded);
+  const tg::Stage stage = dictionary ? tg::Stage::textured : tg::Stage::quantized;
+  while (trainer.stage() != stage || trainer.state().iteration < (dictionary ? 20 : 0)) REQUIRE(trainer.step());
+  tg::RunState state = trainer.state();
+  REQUIRE(state.texture_groups);
+  const std::vector<std::uint32_t> groups = *state.texture_groups;
+  CHECK(groups.empty() != dictionary);
+  if (!dictionary) state.texture_groups.reset();  // as where the stage begins
+  std::ranges::fill(state.training.model.atlas.texels, glm::vec4(0.25f));
+  tg::Trainer next(dataset, settings, *renderer, std::move(state));
+  next.onQuantizing(rounded);
+  REQUIRE(next.step());
+  CHECK(next.state().texture_groups == groups);
+}
+
 TEST_CASE("scales that a file takes from shared textures are those of the texels that it holds", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
