@@ -84,19 +84,20 @@ void addView(const GaussianModel& model, const Camera& camera, float near, std::
     for (int y = p.box.y; y < p.box.w; ++y) {
       for (int x = p.box.x; x < p.box.z; ++x) {
         float& left = transmittance[static_cast<std::size_t>(y) * camera.size.x + x];
-        if (left < kTransmittanceStop) continue;
+        if (left == 0.0f) continue;  // the pixel has ended
         const glm::vec2 delta = glm::vec2(x, y) + 0.5f - glm::vec2(s.center_depth_opacity);
         Hit hit;
         if (!intersectSplat(glm::vec3(s.wx_r), glm::vec3(s.wy_g), glm::vec3(s.dx_b), glm::vec3(s.dy_offset),
-                            glm::vec3(s.d0_size), s.center_depth_opacity.z, intersection, delta, hit)) {
+                            glm::vec3(s.d0_size), s.center_depth_opacity.z, intersection, delta, near, hit)) {
           continue;
         }
         float alpha = s.center_depth_opacity.w * std::exp(-0.5f * hit.power);
         if (has_textures) alpha *= textureAlpha(model, p.gaussian, hit.uv);
         alpha = std::min(alpha, kAlphaMax);
         if (!(alpha >= kAlphaMin)) continue;  // also what is no number: weights are sorted
-        sum += left * alpha;
-        left *= 1.0f - alpha;
+        const float rest = left * (1.0f - alpha);
+        if (rest >= kTransmittanceStop) sum += left * alpha;
+        left = rest >= kTransmittanceStop ? rest : 0.0f;  // docs/math.md (5b)
       }
     }
     weights[p.gaussian] += sum;

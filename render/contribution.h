@@ -11,7 +11,7 @@
 namespace tg {
 
 // [N]: the weights T alpha with which a Gaussian is blended, summed over all pixels of all views [px]; as the renderers
-// have it, textures' alpha included. Those that no view shows have 0. Means at or before `near` are not drawn.
+// have it, textures' alpha included. Those that no view shows have 0. Means and hits at or before `near` are not drawn.
 std::vector<double> blendWeights(const GaussianModel& model, std::span<const Camera> views, float near = kNear);
 
 }  // namespace tg

@@ -56,11 +56,14 @@ float cameraDepth(vec3 point) {
   return depth + rest;
 }
 
+// In world axes. The difference comes before any turn: far from the origin a matrix's translation would cancel.
+vec3 fromCamera(vec3 point) { return point - view.camera_position.xyz - view.position_rest.xyz; }
+
 // False: it cannot be seen.
 bool loadGaussian(uint i, out Gaussian g) {
   vec4 mean = FETCH(mean_logit, i);
   g.mean = mean.xyz;
-  g.mean_c = (view.camera_from_world * vec4(g.mean, 1.0)).xyz;
+  g.mean_c = mat3(view.camera_from_world) * fromCamera(g.mean);
   g.mean_c.z = cameraDepth(g.mean);
   g.opacity = min(1.0, view.opacity_scale / (1.0 + exp(-mean.w)));
   vec3 scale = exp(uintBitsToFloat(FETCH(scale_offset, i).xyz));
@@ -71,11 +74,13 @@ bool loadGaussian(uint i, out Gaussian g) {
   g.axes_c = mat3(axes[a], axes[b], axes[c]);
   g.scale = view.splat_scale * vec3(scale[a], scale[b], scale[c]);
   if (decider(view.antialiasing) != 0u) {
-    vec3 narrow = g.scale;
+    vec3 narrow = max(g.scale, vec3(1e-35));
+    float least = min(narrow.x, min(narrow.y, narrow.z));
     g.scale = antialiasedScale(narrow, g.mean_c.z, max(view.focal_center.x, view.focal_center.y));
     vec3 direction = transpose(g.axes_c) * (g.mean_c / g.mean_c.z);
-    g.opacity *= antialiasedOpacity(narrow, g.scale, length(direction / narrow), length(direction / g.scale),
-                                    decider(view.intersection) == kIntersectPlane);
+    // In units of the least scale, so that nothing overflows.
+    g.opacity *= antialiasedOpacity(narrow, g.scale, length(direction * (least / narrow)) / least,
+                                    length(direction / g.scale), decider(view.intersection) == kIntersectPlane);
   }
   bool in_crop = decider(floatBitsToUint(view.crop_min.w)) == 0u || (all(greaterThanEqual(g.mean, view.crop_min.xyz)) &&
                                             all(lessThanEqual(g.mean, view.crop_max.xyz)));

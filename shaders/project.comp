@@ -89,7 +89,7 @@ void main() {
   uvec4 pixels;
   if (kShape != kShapeCenters && !pixelsOfBox(box, pixels)) return;
 
-  vec3 dir = normalize(g.mean - view.camera_position.xyz);
+  vec3 dir = normalize(fromCamera(g.mean));
   Splat splat = makeSplat(g.mean_c, g.axes_c, g.scale, view.focal_center, g.opacity, baseColour(i, dir));
   uint size = FETCH_UINT(texture_size, i);
   splat.dy_offset.w = uintBitsToFloat(FETCH(scale_offset, i).w);

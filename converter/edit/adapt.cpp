@@ -44,7 +44,10 @@ void shareViews(const Bundle& source, std::vector<Camera>& fit, std::vector<Came
     const std::vector<Camera> all =
         source.cameras.size() > 1 ? source.cameras : contributionViews(source.model, source.cameras);
     for (std::size_t k = 0; k < all.size(); ++k) (k % kHeldEvery == kHeldEvery / 2 ? held : fit).push_back(all[k]);
-    if (held.empty()) held.push_back(all.back());
+    if (held.empty()) {  // of few the last, which is fitted, too, only where it is alone
+      held.push_back(all.back());
+      if (fit.size() > 1) fit.pop_back();
+    }
   }
   fit = evenly(fit, kFitViews);
   held = evenly(held, kHeldViews);

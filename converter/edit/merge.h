@@ -8,8 +8,8 @@
 namespace tg {
 
 // Appends `other`, unchanged but for SH coefficients of 0 and neutral textures where the two differ in SH degree and
-// texture mode. A model without textures takes the other's intersection. Throws Error(badData, name, ...) when two
-// textured models have different ones, and when the texels exceed kMaxModelTexels. `name`: of `other`, for messages.
+// texture mode. Throws Error(badData, name, ...) when the two have different intersections, or textures that end in
+// another way, and when the texels exceed kMaxModelTexels. `name`: of `other`, for messages.
 void mergeModel(GaussianModel& model, const GaussianModel& other, const std::string& name);
 
 }  // namespace tg

@@ -6,7 +6,6 @@
 #include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <queue>
 
 #include "converter/lod/lod_names.h"
@@ -83,12 +82,14 @@ class Parser {
       scene_.files.push_back(insideName(names, names.element(i).string()));
     }
     scene_.file_counts.assign(scene_.files.size(), 0);
+    named_.assign(scene_.files.size(), 0);
     scene_.counts.assign(static_cast<std::size_t>(scene_.levels), 0);
     addNode(root.at("tree").object());
     if (scene_.leaves.empty()) root.fail("the tree has no leaves");
-    const auto held = std::accumulate(scene_.file_counts.begin(), scene_.file_counts.end(), std::uint64_t{0});
-    for (const std::uint64_t count : scene_.counts) {  // else a small file is a large model
-      if (count > held) root.fail("ranges of Gaussians overlap" + atMost(held, count));
+    for (std::size_t file = 0; file < named_.size(); ++file) {  // else a small file is a large model
+      if (named_[file] <= scene_.file_counts[file]) continue;
+      root.fail("ranges of Gaussians overlap in " + printable(scene_.files[file]) +
+                atMost(scene_.file_counts[file], named_[file]));
     }
     scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
     if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
@@ -119,6 +120,8 @@ class Parser {
       range.first = static_cast<std::uint32_t>(entry.integer("offset", 0, most));
       range.count = static_cast<std::uint32_t>(entry.integer("count", 0, most - range.first));
       if (range.count == 0) continue;
+      const bool repeated = std::ranges::find(given, std::optional(range)) != given.end();
+      if (!repeated) named_[range.file] += range.count;
       given[static_cast<std::size_t>(level)] = range;
       std::uint32_t& held = scene_.file_counts[range.file];
       held = std::max(held, range.first + range.count);
@@ -147,6 +150,7 @@ class Parser {
   }
 
   LodScene& scene_;
+  std::vector<std::uint64_t> named_;  // [files] Gaussians of all ranges, without those that a leaf repeats
 };
 
 // Planes of the picture, a tenth of it wider at each side: a point p is inside where dot(plane, p - eye) >= 0.

@@ -43,8 +43,7 @@ class SogReader {
     const JsonNode meta = root();
     const JsonNode sh = meta.has("shN") ? meta.at("shN").object() : meta;
     const int degree = meta.has("shN") ? static_cast<int>(sh.integer("bands", 0, 3)) : 0;
-    resizeGaussians(loaded_.model, count_, degree);
-    readMeans(meta.at("means").object());
+    readMeans(meta.at("means").object(), degree);
     readScales(meta.at("scales").object());
     readRotations(meta.at("quats").object());
     readColors(meta.at("sh0").object());
@@ -95,9 +94,11 @@ class SogReader {
     return values;
   }
 
-  void readMeans(const JsonNode& node) {
+  // The model grows once its images are there, whose bytes bound the count.
+  void readMeans(const JsonNode& node, int degree) {
     const auto low = node.numbers<3>("mins"), high = node.numbers<3>("maxs");
     const BytePixels lower = image(node, 2, 0, count_), upper = image(node, 2, 1, count_);
+    resizeGaussians(loaded_.model, count_, degree);
     for (std::size_t i = 0; i < count_; ++i) {
       for (int k = 0; k < 3; ++k) {
         const int code = lower.data[4 * i + k] | upper.data[4 * i + k] << 8;

@@ -338,9 +338,11 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
       const V3 along = addScaled(rotation[0], ray_x, addScaled(rotation[1], ray_y, rotation[2]));
       const V3 inverse = {hn::Div(one, wide_scale.x), hn::Div(one, wide_scale.y), hn::Div(one, wide_scale.z)};
       const V3 after = product(along, inverse);
-      // |after| / |before| with both times the least scale, so that nothing overflows.
-      const V3 before = {hn::Div(after.x, ratio.x), hn::Div(after.y, ratio.y), hn::Div(after.z, ratio.z)};
-      opacity_factor = hn::Mul(opacity_factor, hn::Mul(ratio.z, hn::Div(length(before), length(after))));
+      // In units of the least scale, so that nothing overflows.
+      const V least = hn::Min(scale.x, hn::Min(scale.y, scale.z));
+      const V3 times = {hn::Div(least, scale.x), hn::Div(least, scale.y), hn::Div(least, scale.z)};
+      const V before = hn::Div(length(product(along, times)), least);
+      opacity_factor = hn::Mul(opacity_factor, hn::Div(hn::Mul(ratio.z, before), length(after)));
     }
     scale = wide_scale;
   }

@@ -115,6 +115,13 @@ void GlReadBack::read(GLuint buffer, std::span<std::byte> out) {
     glCreateBuffers(1, &staging_);
     glNamedBufferStorage(staging_, static_cast<GLsizeiptr>(kStagingBytes), nullptr,
                          GL_MAP_READ_BIT | GL_CLIENT_STORAGE_BIT);
+    try {
+      checkGl(device_, "reading back");
+    } catch (...) {  // without storage it would fail each frame to come
+      glDeleteBuffers(1, &staging_);
+      staging_ = 0;
+      throw;
+    }
     if (device_.debug) glObjectLabel(GL_BUFFER, staging_, -1, "read-back");
   }
   for (std::size_t first = 0; first < out.size(); first += kStagingBytes) {

@@ -163,7 +163,7 @@ struct Hit {
 
 // False: no hit (behind the near plane, or the ray lies in the plane). delta: pixel minus projected mean [px].
 TG_FN bool intersectSplat(vec3 wx, vec3 wy, vec3 dx, vec3 dy, vec3 d0, float depth, uint model, vec2 delta,
-                          TG_OUT(Hit) hit) {
+                          float near, TG_OUT(Hit) hit) {
   vec3 w = wx * delta.x + wy * delta.y;
   vec3 d = d0 + dx * delta.x + dy * delta.y;
   hit.uv = vec2(0.0f, 0.0f);
@@ -181,7 +181,7 @@ TG_FN bool intersectSplat(vec3 wx, vec3 wy, vec3 dx, vec3 dy, vec3 d0, float dep
     hit.power = dot(w, w) * inv;
     hit.t = depth * dot(d0, d) * inv;
   }
-  return hit.t > kNear;
+  return hit.t > near;
 }
 
 TG_NAMESPACE_END

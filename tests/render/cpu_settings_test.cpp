@@ -157,6 +157,30 @@ TEST_CASE("an antialiased ellipsoid is shown where the model's own opacity shows
   }
 }
 
+TEST_CASE("antialiased discs and dots of any thinness are as those of a millionth, in the picture alone, too") {
+  for (const bool dot : {false, true}) {
+    const auto scene = [&](float thinness) {
+      TestScene made = thinDiscScene(thinness, true);
+      if (dot) made.model.log_scale[0] = glm::vec3(std::log(thinness));
+      return made;
+    };
+    for (const auto intersection : kModels) {
+      RenderSettings settings = pictureAlone(intersection);
+      settings.antialiasing = Antialiasing::screen;
+      const auto reference = renderReference(ReferenceModel(scene(1e-6f).model), scene(1e-6f).camera, settings);
+      for (const float thinness : {1e-9f, 1e-17f, 1e-20f, 1e-22f, 1e-30f}) {
+        INFO(thinness << ", " << name(intersection) << ", " << dot);
+        const Frame frame = renderCpu(scene(thinness).model, scene(thinness).camera, settings);
+        double most = 0;
+        for (std::size_t i = 0; i < frame.picture.size(); ++i) {
+          most = std::max(most, glm::length(glm::dvec3(frame.color(i)) - reference.color(i)));
+        }
+        CHECK(most < 1e-4);
+      }
+    }
+  }
+}
+
 // Most of what lies beyond +-3 sigma is faint: what it hides shows in the number of blended splats.
 TEST_CASE("beyond textures every treatment equals the reference's, and another one does not") {
   for (const SceneKind kind :

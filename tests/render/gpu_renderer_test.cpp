@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <glm/gtc/matrix_transform.hpp>
 #include <glm/gtc/packing.hpp>
 #include <limits>
 #include <span>
@@ -150,6 +151,27 @@ TEST_CASE("discs of any thinness agree with the reference's of a millionth, faci
   }
 }
 
+TEST_CASE("antialiased discs and dots of any thinness are as those of a millionth") {
+  const bool dot = GENERATE(false, true);
+  const IntersectionModel intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  RenderSettings settings;
+  settings.intersection = intersection;
+  settings.antialiasing = Antialiasing::screen;
+  const auto scene = [&](float thinness) {
+    TestScene made = thinDiscScene(thinness, true);
+    if (dot) made.model.log_scale[0] = glm::vec3(std::log(thinness));
+    return made;
+  };
+  const FrameT<double> reference = renderReference(ReferenceModel(scene(1e-6f).model), scene(1e-6f).camera, settings);
+  for (const float thinness : {1e-9f, 1e-17f, 1e-20f, 1e-22f, 1e-30f}) {
+    INFO(thinness << ", " << name(intersection) << ", " << dot);
+    const FrameDifference difference =
+        compareFrames(renderScene(scene(thinness), settings), reference, allowed(SceneKind::flat, intersection));
+    INFO(report(difference));
+    CHECK(violations(difference, allowed(SceneKind::flat, intersection)) == "");
+  }
+}
+
 TEST_CASE("every texture mode agrees with the reference, as the model's and as the user's choice") {
   const TextureMode mode = GENERATE(TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba);
   const bool of_model = GENERATE(false, true);
@@ -275,11 +297,28 @@ TEST_CASE("splats that lie close behind one another keep their order far from th
     scene.model.log_scale[i] = glm::vec3(0.5f, 0.5f, -3.0f);
     scene.model.sh[i] = glm::vec3(random.uniformVec3(-1.5, 1.5));
   }
-  // A float holds the camera's x and y to 1e-4 px there, and two splats in the wrong order are 0.1 of a colour apart.
+  // Two splats in the wrong order are 0.1 of a colour apart.
   Tolerance limits;
   limits.outlier_share = 1.0;
   limits.loose = 1e-3;
   checkAgainstReference(scene, {}, limits);
+}
+
+TEST_CASE("scenes far from the world's origin agree with the reference as those at it do") {
+  const IntersectionModel intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  RenderSettings settings;
+  settings.intersection = intersection;
+  TestScene scene = bundled(makeScene(SceneKind::ordinary, 7));
+  const glm::dvec3 offset(50000.3, -30000.2, 20000.1);
+  const glm::dvec3 position = scene.camera.position() + offset;
+  const glm::dmat4 turn = glm::rotate(glm::dmat4(1), 0.7, glm::normalize(glm::dvec3(1, 2, 3)));
+  scene.camera.rotation = glm::dmat3(turn) * scene.camera.rotation;
+  for (std::size_t i = 0; i < scene.model.size(); ++i) {  // seen as before from the camera that is turned
+    const glm::dvec3 seen = glm::dvec3(scene.model.mean[i]) + offset - position;
+    scene.model.mean[i] = glm::vec3(position + glm::transpose(scene.camera.rotation) * seen);
+  }
+  scene.camera.translation = -(scene.camera.rotation * position);
+  checkAgainstReference(scene, settings, allowed(SceneKind::ordinary, intersection));
 }
 
 // To rounding: a compiler may contract sums of the two variants in different places.

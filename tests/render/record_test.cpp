@@ -86,7 +86,7 @@ TEST_CASE("the record gives the hit of the full formulas") {
         Hit expected;
         const Splat& s = p.splat;
         if (!intersectSplat(vec3(s.wx_r), vec3(s.wy_g), vec3(s.dx_b), vec3(s.dy_offset), vec3(s.d0_size),
-                            s.center_depth_opacity.z, static_cast<uint>(intersection), offset, expected)) {
+                            s.center_depth_opacity.z, static_cast<uint>(intersection), offset, kNear, expected)) {
           continue;
         }
         if (expected.power > 11.0f) continue;
@@ -241,8 +241,8 @@ TEST_CASE("a ray within a splat's plane does not hit it") {
   Hit hit;
   for (const float normal : {0.0f, 1e-10f, -1e-10f}) {
     CHECK_FALSE(intersectSplat(vec3(0.1f, 0, 0), vec3(0, 0.1f, 0), vec3(0), vec3(0), vec3(0, 0, normal), 1,
-                               kIntersectPlane, vec2(1, 2), hit));
+                               kIntersectPlane, vec2(1, 2), kNear, hit));
   }
   CHECK(intersectSplat(vec3(0.1f, 0, 0), vec3(0, 0.1f, 0), vec3(0), vec3(0), vec3(0, 0, 1), 1, kIntersectPlane,
-                       vec2(1, 2), hit));
+                       vec2(1, 2), kNear, hit));
 }

@@ -62,7 +62,7 @@ bool isSeen(const FloatSplat& s) { return s.mean_c.z > kNear && s.opacity * 255.
 
 bool intersectRecord(const Splat& r, IntersectionModel model, vec2 delta, Hit& hit) {
   return intersectSplat(vec3(r.wx_r), vec3(r.wy_g), vec3(r.dx_b), vec3(r.dy_offset), vec3(r.d0_size),
-                        r.center_depth_opacity.z, static_cast<uint>(model), delta, hit);
+                        r.center_depth_opacity.z, static_cast<uint>(model), delta, kNear, hit);
 }
 
 vec4 sample(const GaussianModel& model, const TextureRect& rect, vec2 uv) {

@@ -17,7 +17,7 @@ uniform sampler2D u_ranges;     // a row an atlas: scale, offset
 uniform int u_per_row;          // Gaussians in a row of these textures
 uniform int u_sh_coefficients;  // without the first one
 uniform mat3 u_camera_from_world;
-uniform vec3 u_translation;
+uniform vec3 u_eye_rest;  // what a float lacks of the eye's place
 uniform vec3 u_eye;           // world space
 uniform vec4 u_focal_center;  // fx, fy, cx, cy [px]
 uniform vec2 u_size;          // [px]
@@ -87,7 +87,9 @@ void main() {
   vec4 fallback = gaussianTexel(column, row, 4);
   float opacity = u_fallback ? fallback.w : mean_opacity.w;
   float radius = visibleRadius(opacity);
-  vec3 mean_c = u_camera_from_world * mean_opacity.xyz + u_translation;
+  // Turned after the difference is taken: of a scene far from the origin a translation would cancel.
+  vec3 from_eye = mean_opacity.xyz - u_eye - u_eye_rest;
+  vec3 mean_c = u_camera_from_world * from_eye;
   if (radius <= 0.0 || mean_c.z <= kNear) return;
 
   // Files with textures have their axes in order (T21); where the normal is longer than another axis, as in files
@@ -118,7 +120,7 @@ void main() {
     color = dot(axes[2], mean_c) > 0.0 ? -axes[2] : axes[2];
   } else {
     vec3 first = u_fallback ? fallback.xyz : gaussianTexel(column, row, 3).xyz;
-    color = baseColor(column, row, normalize(mean_opacity.xyz - u_eye), first);
+    color = baseColor(column, row, normalize(from_eye), first);
   }
   Splat s = makeSplat(mean_c, axes, scale, u_focal_center, opacity, color);
   v_wx_r = s.wx_r;

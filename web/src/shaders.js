@@ -397,7 +397,7 @@ uniform sampler2D u_ranges;
 uniform int u_per_row;
 uniform int u_sh_coefficients;
 uniform mat3 u_camera_from_world;
-uniform vec3 u_translation;
+uniform vec3 u_eye_rest;
 uniform vec3 u_eye;
 uniform vec4 u_focal_center;
 uniform vec2 u_size;
@@ -458,7 +458,8 @@ void main() {
   vec4 fallback = gaussianTexel(column, row, 4);
   float opacity = u_fallback ? fallback.w : mean_opacity.w;
   float radius = visibleRadius(opacity);
-  vec3 mean_c = u_camera_from_world * mean_opacity.xyz + u_translation;
+  vec3 from_eye = mean_opacity.xyz - u_eye - u_eye_rest;
+  vec3 mean_c = u_camera_from_world * from_eye;
   if (radius <= 0.0 || mean_c.z <= kNear) return;
   vec3 scale = scale_layer.xyz;
   int c = scale.z > min(scale.x, scale.y) ? shortestAxis(scale) : 2;
@@ -484,7 +485,7 @@ void main() {
     color = dot(axes[2], mean_c) > 0.0 ? -axes[2] : axes[2];
   } else {
     vec3 first = u_fallback ? fallback.xyz : gaussianTexel(column, row, 3).xyz;
-    color = baseColor(column, row, normalize(mean_opacity.xyz - u_eye), first);
+    color = baseColor(column, row, normalize(from_eye), first);
   }
   Splat s = makeSplat(mean_c, axes, scale, u_focal_center, opacity, color);
   v_wx_r = s.wx_r;

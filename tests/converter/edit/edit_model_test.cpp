@@ -20,6 +20,7 @@
 #include "core/model/verbs.h"
 #include "render/contribution.h"
 #include "shared/texture.h"
+#include "support/scenes.h"
 #include "support/catch.h"
 
 using namespace tg;
@@ -261,6 +262,30 @@ TEST_CASE("blend weights are those of the reference") {
     CAPTURE(i);
     CHECK(weights[i] == Approx(expected[i]).epsilon(1e-3).margin(2e-2));
   }
+}
+
+TEST_CASE("what lies behind pixels that have ended has no weight, nor what is hit before the near plane") {
+  const test::TestScene disc = test::thinDiscScene(0.01f, false);
+  GaussianModel model = disc.model;
+  for (int k = 0; k < 4; ++k) append(model, disc.model);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    model.mean[i].z = 100.0f + static_cast<float>(i);
+    model.log_scale[i] = glm::vec3(3.0f, 3.0f, -5.0f);  // beyond the picture
+    model.opacity_logit[i] = 3.0f;                      // after three a ten thousandth shines through
+  }
+  const auto weigh = [&](float near) { return blendWeights(model, std::span(&disc.camera, 1), near); };
+  const std::vector<double> weights = weigh(kNear);
+  CHECK(weights[0] > 100);
+  CHECK(weights[2] > 0);
+  CHECK(weights[3] == 0);
+  CHECK(weights[4] == 0);
+  const std::vector<double> beyond = weigh(100.5f);
+  CHECK(beyond[0] == 0);
+  CHECK(beyond[1] > 100);
+  for (glm::vec3& mean : model.mean) mean.z /= 1000;
+  for (glm::vec3& scale : model.log_scale) scale -= std::log(1000.0f);
+  CHECK(weigh(kNear)[0] == 0);
+  CHECK(weigh(0.01f)[0] > 100);
 }
 
 TEST_CASE("decimation by what pictures show beats decimation by chance") {

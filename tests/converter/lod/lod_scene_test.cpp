@@ -96,6 +96,14 @@ TEST_CASE("levels of detail: a hostile lod-meta.json is refused in words") {
          for (int k = 0; k < 3; ++k) meta["tree"]["children"].push_back(firstLeaf(meta));
        }),
        "overlap");
+  says(refusal([](Json& meta) {  // nor where one range, of a file that is not there, names more than all others
+         for (int k = 0; k < 3; ++k) meta["tree"]["children"].push_back(firstLeaf(meta));
+         meta["filenames"].push_back("none/meta.json");
+         Json leaf = firstLeaf(meta);
+         leaf["lods"] = {{"0", {{"file", meta["filenames"].size() - 1}, {"offset", 0}, {"count", 1'000'000}}}};
+         meta["tree"]["children"].push_back(leaf);
+       }),
+       "overlap");
   says(refusal([](Json& meta) { firstLeaf(meta).erase("bound"); }), "bound");
   says(refusal([](Json& meta) { firstLeaf(meta)["bound"]["min"] = {0, 0}; }), "min");
   says(refusal([](Json& meta) { firstLeaf(meta)["bound"]["min"][1] = 9; }), "min is beyond max");
