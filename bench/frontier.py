@@ -29,6 +29,7 @@ import subprocess
 import sys
 
 import svg_plot
+from report_trials import student
 from report_document import Code, Heading, Items, Table, Text, markdown
 from reproduce import FRAMES, LENGTH, ROOT, SWAPPED, Locks, Scene, alone, commit, machine, side_by_side
 from reproduce import SCENES as TRIALS
@@ -116,9 +117,10 @@ class Driver:
         return run / "model.tgz"
 
     def run(self, name):
-        path = CELLS / f"{name}.json"
+        path = self.options.cells / f"{name}.json"
         report = json.loads(path.read_text()) if path.exists() else {}
         if "trained" in report or (is_command(name) and report):
+            print(f"{name}: done already (expected --cells FOLDER to make it again)", file=sys.stderr)
             return
         print(name, file=sys.stderr, flush=True)
         if is_command(name):
@@ -187,7 +189,7 @@ class Driver:
 
     def again(self, name):
         """Cuts a done cell's model again, if it is there and its files are of an older codec."""
-        path, run = CELLS / f"{name}.json", self.options.work / name
+        path, run = self.options.cells / f"{name}.json", self.options.work / name
         report = json.loads(path.read_text()) if path.exists() else {}
         if not report or report.get("codec", 1) >= CODEC or not (run / "model.tgz").exists():
             return
@@ -214,8 +216,9 @@ class Driver:
         return files
 
     def frames(self, name):
-        """Times the cell's model from its first camera; CELLS/frames.json holds what was timed."""
-        model, cell, timed = self.options.work / name / "model.tgz", CELLS / f"{name}.json", frames_in(CELLS)
+        """Times the cell's model from its first camera; frames.json beside the cells holds what was timed."""
+        cells = self.options.cells
+        model, cell, timed = self.options.work / name / "model.tgz", cells / f"{name}.json", frames_in(cells)
         if name in timed or not (model.exists() and cell.exists()):
             return
         print(name, file=sys.stderr, flush=True)
@@ -227,7 +230,7 @@ class Driver:
                    "--size", size, "--frames", FRAMES, "--frames-only", "--json", measured]
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
         frame = json.loads(measured.read_text())
-        write(CELLS / "frames.json", {**timed, name: {"ms": frame["processor_ms"],
+        write(cells / "frames.json", {**timed, name: {"ms": frame["processor_ms"],
                                                       **{key: frame[key] for key in ("device", "width", "height")}}})
 
     def score(self, scene, model, run, *flags):
@@ -392,12 +395,13 @@ def hulls(found, scene, trained, measure="psnr"):
 
 
 def over_seeds(values, form):
-    """Mean and, of several, twice its standard error."""
+    """Mean and, of several, half of its 95 % confidence interval."""
     if not values:
         return "-"
     text = form.format(statistics.fmean(values))
     if len(values) > 1:
-        text += " +- " + form.replace("+", "").format(2 * statistics.stdev(values) / math.sqrt(len(values)))
+        text += " +- " + form.replace("+", "").format(
+            student(len(values) - 1) * statistics.stdev(values) / math.sqrt(len(values)))
     return text
 
 
@@ -522,23 +526,23 @@ def report(folder, page, picture):
              "at their own (lego 400 x 400, fox 270 x 480, printshop 400 x 400). sample is the scene that "
              "`tgtrain make-sample` writes. Seeds beyond the first, and -full scenes, are of SH degree 1 and not of "
              f"every arm.{of_others(found)} One cell again:"),
-        Code("bench/frontier.py run --data DATA --work WORK --only fox/1700/sh1/rgba-8/1"),
+        Code("bench/frontier.py run --data DATA --work WORK --cells AGAIN --only fox/1700/sh1/rgba-8/1"),
         Heading("With textures against without, over the whole range"),
         Text("Bjontegaard's differences between the two hulls, integrated exactly between their corners: PSNR gained "
              "over the sizes that both have, in the logarithm of bytes; and the bytes that textures take more at equal "
-             "PSNR, SSIM and FLIP, over the scores that both have: less than 0 is better. Mean over seeds +- twice its "
-             "standard error, of those seeds that have cells of SH degree 1 at every count without textures, and at "
-             f"{TEXTURED_COUNTS} counts or more with them."),
+             "PSNR, SSIM and FLIP, over the scores that both have: less than 0 is better. Mean over seeds +- its 95 % "
+             "confidence interval (Student's t), of those seeds that have cells of SH degree 1 at every count without "
+             f"textures, and at {TEXTURED_COUNTS} counts or more with them."),
         Table(["scene", "files", "seeds", "sizes", "gain [dB]", "bytes at equal PSNR [%]", "at equal SSIM [%]",
                "at equal FLIP [%]"], whole_range(found)),
         Text("The same at some sizes [dB], of seeds with fewer counts with textures, too:"),
         Table(["scene", "files", "bytes", "seeds", "with textures", "without textures", "gain"], by_size(found)),
         Heading("By one command"),
         Text("What a user gets who names bytes and leaves the rest to the program; scores are PSNR / SSIM / FLIP of the "
-             f"files, means over seeds, the gain +- twice its standard error. Files have {least(commanded)} % of their "
-             "size or more. Gaussians: merged down from up to four times as many. The base is what viewers show that "
+             f"files, means over seeds, the gain +- its 95 % confidence interval. Files have {least(commanded)} % of "
+             "their size or more. Gaussians: merged down from up to four times as many. The base is what viewers show that "
              "know no textures. One of them again, as a cell and by hand:"),
-        Code("bench/frontier.py run --data DATA --work WORK --only command/lego/25KB/rgba/1\n"
+        Code("bench/frontier.py run --data DATA --work WORK --cells AGAIN --only command/lego/25KB/rgba/1\n"
              "tgtrain lego_400 --downscale 2 --start random -o scene.sog --target-size 25KB --texture-mode rgba"),
         Table(["scene", "size", "seeds", "Gaussians without textures", "with", "without textures", "with", "gain [dB]",
                "base"], by_command(commanded)),
@@ -571,7 +575,7 @@ def report(folder, page, picture):
                Text("Processor milliseconds a frame of the CPU renderer, from the first camera, with "
                     f"{FRAME_SCALE} times as many pixels a side as the photographs have at half size; models before "
                     "they are cut. Plain: of as many Gaussians without textures as come to the same PSNR, between the "
-                    "counts that are there. Mean over seeds, the difference +- twice its standard error."),
+                    "counts that are there. Mean over seeds, the difference +- its 95 % confidence interval."),
                Table(["scene", "with textures", "seeds", "PSNR", "ms", "plain", "difference [%]"],
                      frame_times(found, frames_in(folder))),
                Heading("Every cell"),
@@ -583,11 +587,23 @@ def report(folder, page, picture):
                          if "trained" in cell else ["-"] * len(TRAINED))]
                       for name, cell in found.items()])]
     every = [*found.values(), *commanded.values()]
-    machines = sorted({f"{c['machine']['processor']}, {c['machine']['cores']} cores" for c in every})
-    blocks.append(Items(f"{name}; commits " + ", ".join(sorted({f"`{c['commit']}`" for c in every}))
-                        for name in machines))
+    machines = sorted({machine_of(report) for report in every})
+    blocks.append(Items(f"{name}; commits " + ", ".join(sorted({f"`{c['commit']}`" for c in every
+                                                                if machine_of(c) == name})) for name in machines))
     page.write_text(markdown("The best picture per byte", blocks))
     picture.write_text(standalone(pictures))
+
+
+def scores_of(cell):
+    """Of a command's file, or of the model of any other cell."""
+    path = cell.with_name(cell.name + ".json")
+    report = json.loads(path.read_text()) if path.exists() else {}
+    scores = report.get("model", report)
+    return f"{scores['psnr']:.2f} dB" if scores else "nothing yet"
+
+
+def machine_of(report):
+    return f"{report['machine']['processor']}, {report['machine']['cores']} cores"
 
 
 def standalone(pictures):
@@ -616,7 +632,8 @@ def main():
     parser.add_argument("--only", action="append", metavar="GLOB", help="these cells")
     parser.add_argument("--threads", type=int, default=1, help="of a cell")
     parser.add_argument("--jobs", type=int, default=1, help="cells at a time")
-    parser.add_argument("--cells", type=pathlib.Path, default=CELLS, help="of the report")
+    parser.add_argument("--cells", type=pathlib.Path, default=CELLS, help="of the report; in another folder they "
+                        "are made again")
     parser.add_argument("--page", type=pathlib.Path, default=PAGE)
     parser.add_argument("--picture", type=pathlib.Path, default=PICTURE)
     parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
@@ -631,7 +648,7 @@ def main():
         parser.error(f"no cell is named {' or '.join(options.only)} (see list)")
     if options.verb == "list":
         for name in chosen:
-            print("done   " if (CELLS / f"{name}.json").exists() else "missing", name)
+            print("done   " if (options.cells / f"{name}.json").exists() else "missing", name)
         return
     if not options.work or (options.verb in ("run", "again") and not options.data):
         parser.error("expected " + ("--work" if options.verb == "frames" else "--data and --work"))
@@ -641,6 +658,9 @@ def main():
             driver.frames(name)
         return
     side_by_side(driver.again if options.verb == "again" else driver.run, chosen, options.jobs)
+    if options.cells.resolve() != CELLS:
+        for name in chosen:
+            print(f"{name}: {scores_of(options.cells / name)} (expected about {scores_of(CELLS / name)})")
 
 
 if __name__ == "__main__":

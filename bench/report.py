@@ -21,7 +21,7 @@ import paper_tables as paper
 from report_document import Code, Heading, Items, Table, Text, markdown, page
 from report_figures import byte_figures, pictures, rank_figures, share_figures, size_figures, small_figures
 from report_trials import (LABELS, METRICS, Broken, Trials, at, couple, gain, mean, number, percent, published,
-                           ranks_of, scaled, score, shown, side, signed, small_kind, twin, used_metrics)
+                           ranks_of, scaled, score, shown, side, signed, small_kind, student, twin, used_metrics)
 from reproduce import (COMPARED, DEFAULT_SIZE, KEY_SHARES, KIND_SHARES, KINDS, MERGED, ROOT, SCENES, SEEDS, SHARES, SIZES,
                        SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TIE, TREATMENTS, TRIALS)
 
@@ -37,7 +37,7 @@ def head(trials):
                    "as many texels as 4 x 4 at 100 %, as in the paper's Table A.3. Scores are means over held-out "
                    f"views, PSNR on 8-bit values; {metric_names(trials)} where nothing else is said. \"-\": not done."),
               Text(f"{len(done)} of {len(every)} cells are done. One of them again:"),
-              Code("bench/reproduce.py run --data DATA --work WORK --only lego/001/rgba/1")]
+              Code("bench/reproduce.py run --data DATA --work WORK --trials AGAIN --only lego/001/rgba/1")]
     weights = sorted({(report["evaluation"]["lpips_network"], report["evaluation"]["lpips_range"])
                       for report in done.values() if "lpips" in score(report)})
     if weights:
@@ -193,13 +193,14 @@ def alpha_less_rgb(trials):
     share, rows = KIND_SHARES[0], []
     for label, texels in (("", "default"), ("-paper", "paper's")):
         for scene in COMPARED:
-            alpha, rgb = ([score(trials.trained(scene, share, kind + label, seed)) for seed in SEEDS]
-                          for kind in KINDS[:-1])
+            alpha, rgb = whole_seeds([score(trials.trained(scene, share, kind + label, seed)) for seed in SEEDS]
+                                     for kind in KINDS[:-1])
             less = [g["psnr"] for g in map(gain, alpha, rgb) if g]
             rows.append([f"{scene} {share} %", texels, str(len(less)), over_seeds(alpha), over_seeds(rgb),
                          *judged([less] if len(less) > 1 else [])])
     yield Text(f"Over seeds at {share} %, PSNR [dB]: alpha and RGB that begin with the same stage 1, mean and standard "
-               f"deviation; their difference with twice its standard error. A tie is within that or within {TIE} dB.")
+               "deviation; their difference with its 95 % confidence interval (Student's t). A tie is within that or "
+               f"within {TIE} dB.")
     yield Table(["", "texels", "seeds", "alpha", "RGB", "alpha less RGB", "alpha is"], rows)
 
 
@@ -227,6 +228,13 @@ def small(trials):
     yield Table(["", "stage 1", "twin", "4 x 4", "fixed number of texels", "its texels a side"], rows)
 
 
+def whole_seeds(columns):
+    """The columns at the seeds that all of them have."""
+    columns = list(columns)
+    rows = [row for row in zip(*columns, strict=True) if all(row)]
+    return [[row[k] for row in rows] for k in range(len(columns))]
+
+
 def over_seeds(scores, write=number):
     values = [s["psnr"] for s in scores if s]
     if len(values) < 2:
@@ -240,7 +248,8 @@ def spread(trials):
         for share in KEY_SHARES:
             pairs = [(trials.trained(scene, share, "none", seed), trials.trained(scene, share, "rgba", seed))
                      for seed in SEEDS]
-            plain, more, rgba = zip(*((score(first), twin(second), score(second)) for first, second in pairs))
+            plain, more, rgba = whole_seeds(zip(*((score(first), twin(second), score(second))
+                                                  for first, second in pairs)))
             gains = [[gain(*both) for both in zip(rgba, worse)] for worse in (plain, more)]
             rows.append([f"{scene} {share} %", str(sum(map(bool, gains[0]))), *map(over_seeds, (plain, more, rgba)),
                          *(over_seeds(values, signed) for values in gains)])
@@ -269,21 +278,23 @@ def efficiency(trials):
                *(couple([at(report, "evaluation", key) for report in pair], millions)
                  for key in ("parameters", "bytes")),
                couple([at(report, "training", "machine", "peak_memory_bytes") for report in pair], megabytes),
-               couple(seconds, number)]
+               couple(seconds, number),
+               " / ".join(dict.fromkeys(device.partition(", compute")[0] for report in pair
+                                        if (device := at(report, "training", "machine", "device"))))]
         if trials.frames:
             row.append(couple([at(trials.frames, name, "ms") for name in names], lambda ms: number(ms, 1)))
         rows.append(row)
     table = paper.EFFICIENCY
     row = ["paper, mean of its scenes at 100 %", number(table["gaussians"]), couple(table["parameters"], millions), "",
-           couple(table["memory"], megabytes), ""]
+           couple(table["memory"], megabytes), "", ""]
     if trials.frames:
         row.append(couple(table["frame"], lambda ms: number(ms, 1)))
     devices = sorted({frame["device"] for frame in trials.frames.values()})
     yield Text("Without textures / RGBA; seconds: stage 1 / twin / RGBA. Bytes are of `model.tgz`. Memory is the "
-               "training process's own, with the twin's; the paper's is of its GPU. Cells may have run side by side: "
-               "seconds are upper bounds."
+               "training process's own on the host, with the twin's; the paper's is of its GPU. Cells may have run side by "
+               "side: seconds are upper bounds."
                + (f" Frames: {'; '.join(devices)}." if devices else ""))
-    yield Table(["", "Gaussians", "parameters [M]", "bytes [MB]", "peak memory [MB]", "seconds of training",
+    yield Table(["", "Gaussians", "parameters [M]", "bytes [MB]", "peak memory [MB]", "seconds of training", "trained by",
                  *(["processor ms a frame"] if trials.frames else [])], [*rows, row])
 
 
@@ -316,20 +327,29 @@ def choices(trials):
         reports = [trials.get(f"choice/{scene}/{share:03}/{choice}/{seed}") for seed in SEEDS]
         return [at(report, "training", *keys) for report in reports]
 
+    def alike(choice, other, scene, share):
+        """By seed: whether two cells that are to begin with the same stage 1 did. One that was trained anew since, its
+        run having gone, is another on another machine or by another recipe."""
+        starts = [trials.cells[f"choice/{scene}/{share:03}/{name}/1"].start for name in (choice, other)]
+        scores = [known(name, scene, share, "stages", "plain", "test_psnr") for name in (choice, other)]
+        return [starts[0] != starts[1] or None in both or abs(both[0] - both[1]) <= TIE for both in zip(*scores)]
+
     def table(title, default, others, base_label, first=False):
         """default and the values of others: the choice in the cells' names, and a stage. first: stage 1, which makes
-        the Gaussians; its scores are shown as they are."""
+        the Gaussians."""
         groups = [(scene, share) for scene in COMPARED for share in KEY_SHARES
                   if all(f"choice/{scene}/{share:03}/{choice}/1" in trials.cells for choice, _ in others.values())]
 
         def row(label, choice, stage):
             scores = [known(choice, *group, "stages", stage, "test_psnr") for group in groups]
             base = [known(default[0], *group, "stages", default[1], "test_psnr") for group in groups]
-            pairs = [[a - b for a, b in zip(*both) if None not in (a, b)] for both in zip(scores, base)]
+            fair = [[True] * len(SEEDS) if first else alike(choice, default[0], *group) for group in groups]
+            pairs = [[a - b for a, b, counts in zip(*three) if None not in (a, b) and counts]
+                     for three in zip(scores, base, fair)]
             ratios = [a / b for group in groups for a, b in zip(known(choice, *group, "gaussians"),
                                                                 known(default[0], *group, "gaussians"))
                       if None not in (a, b)]
-            if first or label == base_label:
+            if label == base_label:
                 cells = [number(average(seeds), 2) for seeds in scores]
             else:
                 cells = [signed(average(seeds)) for seeds in pairs]
@@ -344,8 +364,9 @@ def choices(trials):
     reached = [f"{number(report['training']['stages']['plain']['test_psnr'], 2)} dB with "
                f"{number(report['training']['gaussians'])} Gaussians ({scene})" for scene, report in whole if report]
     yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
-               "difference is to the first row at the same scene, share and seed; \"difference\" is the mean over "
-               "scenes and shares, +- twice its standard error by the seeds. A tie is within that or within "
+               "difference is to the first row at the same scene, share and seed (two that began with different results "
+               "of the same stage 1 are not compared); \"difference\" is the mean over scenes and shares, +- its 95 % "
+               "confidence interval (Student's t) by the seeds, where there are any. A tie is within that or within "
                f"{TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
                "have no limit.")
     twin = "no textures (twin)"
@@ -368,8 +389,8 @@ def average(values):
 
 
 def judged(groups):
-    """The mean of the groups' means with twice its standard error, and a word for it. A group's spread is by seed; all
-    share one."""
+    """The mean of the groups' means with its 95 % confidence interval, and a word for it. A group's spread is by seed;
+    all share one."""
     if not groups:
         return ["-", "-"]
     difference = statistics.fmean(map(statistics.fmean, groups))
@@ -377,8 +398,10 @@ def judged(groups):
     text, limit = signed(difference), TIE
     if freedom:
         variance = sum((len(group) - 1) * statistics.variance(group) for group in groups if len(group) > 1) / freedom
-        error = 2 * math.sqrt(variance * sum(1 / len(group) for group in groups)) / len(groups)
+        error = student(freedom) * math.sqrt(variance * sum(1 / len(group) for group in groups)) / len(groups)
         text, limit = f"{text} +- {error:.2f}", max(TIE, error)
+    if not freedom:
+        return [text, "-"]
     return [text, "tie" if abs(difference) < limit else "better" if difference > 0 else "worse"]
 
 

@@ -26,6 +26,15 @@ EVALUATED = {
 WORDS = {NUMBER: "a number", str: "a text", list: "a list"}
 
 
+# Student's t, two-sided at 95 %, by degrees of freedom; of more it is the last one's.
+STUDENT = [12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14, 2.13, 2.12, 2.11, 2.10,
+           2.09, 2.09]
+
+
+def student(freedom):
+    return STUDENT[min(freedom, len(STUDENT)) - 1]
+
+
 class Broken(Exception):
     """Its text says which file, and what is wrong with it."""
 

@@ -234,12 +234,18 @@ class Driver:
     def __init__(self, options):
         self.options, self.locks = options, Locks()
         whole = options.iterations == LENGTH and options.downscale == 1
-        self.trials = TRIALS if whole else options.work / "trials"
+        self.trials = options.trials if whole else options.work / "trials"
         self.cells = cells(options.iterations)
 
     def report(self, name):
         path = self.trials / f"{name}.json"
         return json.loads(path.read_text()) if path.exists() else None
+
+    def published(self, name):
+        """The report of the project's own cell, of as many iterations and pixels."""
+        path = TRIALS / f"{name}.json"
+        whole = self.options.iterations == LENGTH and self.options.downscale == 1
+        return json.loads(path.read_text()) if whole and path.exists() else None
 
     def chosen(self):
         only = self.options.only or ["*"]
@@ -248,7 +254,10 @@ class Driver:
     @alone
     def run(self, name):
         """The cell's report; runs it, and what it needs, where that is missing."""
-        return self.report(name) or self.write(name, self.train(name))
+        report = self.report(name)
+        if report:
+            print(f"{name}: done already (expected --trials FOLDER to train it again)", file=sys.stderr)
+        return report or self.write(name, self.train(name))
 
     @alone
     def train(self, name):
@@ -279,7 +288,7 @@ class Driver:
     def whole(self, name):
         """How many Gaussians are 100 %: what a report says that is there, the cell's own or of what it begins with."""
         cell = self.cells[name]
-        for done in filter(None, (self.report(name), cell.start and self.report(cell.start))):
+        for done in filter(None, (self.report(name), cell.start and self.report(cell.start), self.published(name))):
             if done["training"]["settings"]["default-gaussians"]:
                 return done["training"]["settings"]["default-gaussians"]
         return self.run(cell.count)["training"]["gaussians"]
@@ -364,6 +373,15 @@ class Driver:
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
 
 
+def score_of(report):
+    """On the views that the cell is scored on, after its last stage."""
+    if not report:
+        return "nothing yet"
+    stages = report["training"]["stages"]
+    last = stages.get("textured") or stages["plain"]
+    return f"{(report.get('evaluation') or {'psnr': last['test_psnr']})['psnr']:.2f} dB"
+
+
 def commit():
     """Of the tree; "+" where what is trained and written with was changed since."""
     git = ["git", "-C", ROOT]
@@ -390,6 +408,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, help="cells at a time")
     parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
     parser.add_argument("--lpips", type=pathlib.Path, help="weights for tgeval")
+    parser.add_argument("--trials", type=pathlib.Path, default=TRIALS,
+                        help="where reports are; in another folder cells are trained again")
     parser.add_argument("--iterations", type=int, default=LENGTH)
     parser.add_argument("--downscale", type=int, default=1, help="beyond the scenes' own")
     options = parser.parse_args()
@@ -413,6 +433,9 @@ def main():
     if not options.data:
         parser.error("expected --data")
     side_by_side(driver.run, chosen, options.jobs)
+    if options.trials.resolve() != TRIALS:
+        for name in chosen:
+            print(f"{name}: {score_of(driver.report(name))} (expected about {score_of(driver.published(name))})")
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ def cell(name, psnr, twin=None, side=0, gaussians=100):
     stage = {"iterations": 7000, "gaussians": gaussians, "seconds": 300.0, "test_psnr": psnr}
     stages = {"plain": stage}
     if "rgb" in name or "alpha" in name:
-        stages = {"plain": {**stage, "iterations": 0}, "textured": stage}
+        stages = {"plain": {**stage, "iterations": 0, "test_psnr": 20.0}, "textured": stage}
     report = {
         "cell": name, "commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
         "training": {
@@ -116,7 +116,7 @@ class ReportTest(unittest.TestCase):
         self.assertEqual(row(text, section, "2 %")[:2], ["-", "-"])
         self.assertIn("6 of 48 cells.", text)
         self.assertEqual(row(text, "Size, memory", "fox 1 %"),
-                         ["100", "5.90 / 6.54", "12.34 / 12.50", "512 / 512", "300 / 200 / 300"])
+                         ["100", "5.90 / 6.54", "12.34 / 12.50", "512 / 512", "300 / 200 / 300", "CPU"])
         self.assertEqual(row(text, "Effective ranks", "fox 1 %")[1], "25.0 % / 25.0 % / 25.0 %")
         self.assertEqual(row(text, "Texture size", "none, twin"), ["25.50 / 0.9000"] * 3)
         self.assertIn("<title>RGBA: 1, 26.5</title>", self.page())
@@ -158,14 +158,14 @@ class ReportTest(unittest.TestCase):
         self.add("lego/001/rgb/1", 29.0, side=40)
         text = self.results()
         self.assertEqual(row(text, "Kinds", "fox 1 %", "default", "3"),
-                         ["30.10 +- 0.10", "29.20 +- 0.20", "+0.90 +- 0.12", "better"])
-        self.assertEqual(row(text, "Kinds", "fox 1 %", "paper's", "0"), ["-", "29.00 +- 0.00", "-", "-"])
+                         ["30.10 +- 0.10", "29.20 +- 0.20", "+0.90 +- 0.25", "better"])
+        self.assertEqual(row(text, "Kinds", "fox 1 %", "paper's", "0"), ["-", "-", "-", "-"])
         self.assertEqual(row(text, "Kinds", "lego 1 %", "default", "1"), ["-", "-", "-", "-"])
 
     def test_choices(self):
         better, noisy, missing = list(reproduce.STAGE_1_CHOICES)[:3]
         worse = [choice for choice in reproduce.STAGE_2_CHOICES if choice != "default"][0]
-        for seed, noise in ((1, 0.0), (2, 0.02)):
+        for seed, noise in ((1, 0.0), (2, 0.02), (3, 0.01)):
             self.add(f"choice/fox/001/none/{seed}", 20.0)
             self.add(f"choice/fox/001/{better}/{seed}", 20.5 + noise, gaussians=90)
             self.add(f"choice/fox/001/{noisy}/{seed}", 20.0 + 10 * noise)
@@ -174,14 +174,23 @@ class ReportTest(unittest.TestCase):
             self.add(f"choice/fox/001/rgba-{reproduce.MERGED}/{seed}", 22.5, 21.4)
         text = self.results()
         found = row(text, "Choices", better)
-        self.assertEqual((found[0], found[1], found[-3:]), ("20.51", "-", ["+0.51 +- 0.02", "better", "90.0 %"]))
-        self.assertEqual(row(text, "Choices", noisy)[-3:], ["+0.10 +- 0.20", "tie", "100.0 %"])
+        self.assertEqual((found[0], found[1], found[-3:]), ("+0.51", "-", ["+0.51 +- 0.02", "better", "90.0 %"]))
+        self.assertEqual(row(text, "Choices", noisy)[-3:], ["+0.10 +- 0.25", "tie", "100.0 %"])
         self.assertEqual(set(row(text, "Choices", missing)), {"-"})
         found = row(text, "Choices", worse)
         self.assertEqual((found[0], found[1], found[-2:]), ("-0.09", "-", ["-0.09 +- 0.02", "worse"]))
         self.assertEqual(row(text, "Choices", "no textures (twin)")[0], "-1.00")
         merged = text[text.index("| default, limit-merge | 22.50 |"):]
         self.assertEqual([line.split(" | ")[1] for line in merged.splitlines()[1:3]], ["-1.10", "-0.50"])
+
+    def test_choices_that_began_otherwise_are_not_compared(self):
+        choice = [choice for choice in reproduce.STAGE_2_CHOICES if choice != "default"][0]
+        for seed, start in ((1, 20.0), (2, 20.04), (3, 20.3)):
+            for name, psnr, of_stage_1 in (("default", 22.0, 20.0), (choice, 22.5 + seed, start)):
+                report = cell(f"choice/fox/001/rgba-{name}/{seed}", psnr)
+                report["training"]["stages"]["plain"] = {"test_psnr": of_stage_1}
+                self.write(f"{report['cell']}.json", json.dumps(report))
+        self.assertEqual(row(self.results(), "Choices", choice)[0], "+2.00")  # of the first two seeds
 
     def test_frames_and_pictures(self):
         self.add("fox/001/none/1", 25.0)

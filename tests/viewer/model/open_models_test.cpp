@@ -589,8 +589,15 @@ TEST_CASE("after Esc a file that cannot be read is a message, though nothing has
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {});
   std::ofstream(folder / "broken.tgz") << "nothing";
-  Window window(optionsFor(folder / "a.tgz"));
+  std::atomic<bool> go_on{false};
+  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
+    go_on.wait(false);
+    return readModel(path, read);
+  });
   window.state.loading.cancel = true;
+  window.open_models.update(window.state);
+  go_on = true;
+  go_on.notify_all();
   window.settle();
   CHECK(window.state.documents.open.empty());
   window.open(folder / "broken.tgz");
