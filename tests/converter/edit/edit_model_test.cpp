@@ -20,8 +20,8 @@
 #include "core/model/verbs.h"
 #include "render/contribution.h"
 #include "shared/texture.h"
-#include "support/scenes.h"
 #include "support/catch.h"
+#include "support/scenes.h"
 
 using namespace tg;
 using tg::test::Random;
