@@ -29,8 +29,8 @@ import subprocess
 import sys
 
 import svg_plot
-from report_trials import student
 from report_document import Code, Heading, Items, Table, Text, markdown
+from report_trials import student
 from reproduce import FRAMES, LENGTH, ROOT, SWAPPED, Locks, Scene, alone, commit, machine, side_by_side
 from reproduce import SCENES as TRIALS
 
@@ -120,7 +120,7 @@ class Driver:
         path = self.options.cells / f"{name}.json"
         report = json.loads(path.read_text()) if path.exists() else {}
         if "trained" in report or (is_command(name) and report):
-            print(f"{name}: done already (expected --cells FOLDER to make it again)", file=sys.stderr)
+            print(f"{name}: done already (expected --cells FOLDER and a WORK of its own to make it again)", file=sys.stderr)
             return
         print(name, file=sys.stderr, flush=True)
         if is_command(name):
@@ -540,8 +540,8 @@ def report(folder, page, picture):
         Heading("By one command"),
         Text("What a user gets who names bytes and leaves the rest to the program; scores are PSNR / SSIM / FLIP of the "
              f"files, means over seeds, the gain +- its 95 % confidence interval. Files have {least(commanded)} % of "
-             "their size or more. Gaussians: merged down from up to four times as many. The base is what viewers show that "
-             "know no textures. One of them again, as a cell and by hand:"),
+             "their size or more. Gaussians: merged down from up to four times as many. The base is what viewers show "
+             "that know no textures. One of them again, as a cell and by hand:"),
         Code("bench/frontier.py run --data DATA --work WORK --cells AGAIN --only command/lego/25KB/rgba/1\n"
              "tgtrain lego_400 --downscale 2 --start random -o scene.sog --target-size 25KB --texture-mode rgba"),
         Table(["scene", "size", "seeds", "Gaussians without textures", "with", "without textures", "with", "gain [dB]",
@@ -633,7 +633,7 @@ def main():
     parser.add_argument("--threads", type=int, default=1, help="of a cell")
     parser.add_argument("--jobs", type=int, default=1, help="cells at a time")
     parser.add_argument("--cells", type=pathlib.Path, default=CELLS, help="of the report; in another folder they "
-                        "are made again")
+                        "are made again, from runs that WORK has")
     parser.add_argument("--page", type=pathlib.Path, default=PAGE)
     parser.add_argument("--picture", type=pathlib.Path, default=PICTURE)
     parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])

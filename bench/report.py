@@ -291,11 +291,11 @@ def efficiency(trials):
         row.append(couple(table["frame"], lambda ms: number(ms, 1)))
     devices = sorted({frame["device"] for frame in trials.frames.values()})
     yield Text("Without textures / RGBA; seconds: stage 1 / twin / RGBA. Bytes are of `model.tgz`. Memory is the "
-               "training process's own on the host, with the twin's; the paper's is of its GPU. Cells may have run side by "
-               "side: seconds are upper bounds."
+               "training process's own on the host, with the twin's; the paper's is of its GPU. Cells may have run "
+               "side by side: seconds are upper bounds."
                + (f" Frames: {'; '.join(devices)}." if devices else ""))
-    yield Table(["", "Gaussians", "parameters [M]", "bytes [MB]", "peak memory [MB]", "seconds of training", "trained by",
-                 *(["processor ms a frame"] if trials.frames else [])], [*rows, row])
+    yield Table(["", "Gaussians", "parameters [M]", "bytes [MB]", "peak memory [MB]", "seconds of training",
+                 "trained by", *(["processor ms a frame"] if trials.frames else [])], [*rows, row])
 
 
 def outside(trials):
@@ -364,8 +364,8 @@ def choices(trials):
     reached = [f"{number(report['training']['stages']['plain']['test_psnr'], 2)} dB with "
                f"{number(report['training']['gaussians'])} Gaussians ({scene})" for scene, report in whole if report]
     yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
-               "difference is to the first row at the same scene, share and seed (two that began with different results "
-               "of the same stage 1 are not compared); \"difference\" is the mean over scenes and shares, +- its 95 % "
+               "difference is to the first row at the same scene, share and seed (two that began with different "
+               "results of the same stage 1 are not compared); \"difference\" is the mean over scenes and shares, +- its 95 % "
                "confidence interval (Student's t) by the seeds, where there are any. A tie is within that or within "
                f"{TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
                "have no limit.")
@@ -395,14 +395,12 @@ def judged(groups):
         return ["-", "-"]
     difference = statistics.fmean(map(statistics.fmean, groups))
     freedom = sum(len(group) - 1 for group in groups)
-    text, limit = signed(difference), TIE
-    if freedom:
-        variance = sum((len(group) - 1) * statistics.variance(group) for group in groups if len(group) > 1) / freedom
-        error = student(freedom) * math.sqrt(variance * sum(1 / len(group) for group in groups)) / len(groups)
-        text, limit = f"{text} +- {error:.2f}", max(TIE, error)
     if not freedom:
-        return [text, "-"]
-    return [text, "tie" if abs(difference) < limit else "better" if difference > 0 else "worse"]
+        return [signed(difference), "-"]
+    variance = sum((len(group) - 1) * statistics.variance(group) for group in groups if len(group) > 1) / freedom
+    error = student(freedom) * math.sqrt(variance * sum(1 / len(group) for group in groups)) / len(groups)
+    verdict = "tie" if abs(difference) < max(TIE, error) else "better" if difference > 0 else "worse"
+    return [f"{signed(difference)} +- {error:.2f}", verdict]
 
 
 def nothing(_):

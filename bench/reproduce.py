@@ -256,7 +256,7 @@ class Driver:
         """The cell's report; runs it, and what it needs, where that is missing."""
         report = self.report(name)
         if report:
-            print(f"{name}: done already (expected --trials FOLDER to train it again)", file=sys.stderr)
+            print(f"{name}: done already (expected --trials FOLDER and a WORK of its own to train it again)", file=sys.stderr)
         return report or self.write(name, self.train(name))
 
     @alone
@@ -409,7 +409,7 @@ def main():
     parser.add_argument("--device", default="cpu", choices=["cpu", "cuda", "auto"])
     parser.add_argument("--lpips", type=pathlib.Path, help="weights for tgeval")
     parser.add_argument("--trials", type=pathlib.Path, default=TRIALS,
-                        help="where reports are; in another folder cells are trained again")
+                        help="where reports are; in another folder cells are made again, from runs that WORK has")
     parser.add_argument("--iterations", type=int, default=LENGTH)
     parser.add_argument("--downscale", type=int, default=1, help="beyond the scenes' own")
     options = parser.parse_args()

@@ -22,8 +22,8 @@ function(tg_add_kernels target)
 endfunction()
 
 # tg_optimize(LEVEL TARGET...): another level than -O2 for a release of these targets: 3 where loops over pixels, Gaussians or
-# texels take a program's time, 1 for what reads flags and draws widgets, 0 for cases: CLI11, Dear ImGui and Catch2 cost the
-# optimizer more than a program can win.
+# texels take a program's time, 1 for what reads flags and draws widgets, 0 for cases: CLI11, Dear ImGui and Catch2
+# cost the optimizer more than a program can win.
 function(tg_optimize level)
   foreach(target ${ARGN})
     target_compile_options(${target} PRIVATE $<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:-O${level}>)

@@ -477,8 +477,8 @@ test_every: every n-th photograph is held out where the data set has no split; 0
 
   py::class_<Trainer>(module, "Trainer",
                       "A training on the processor, with all threads. Calls of several threads wait for one another.")
-      .def(py::init([](const Dataset& dataset, const std::string& preset, const std::optional<std::variant<std::string, Model>>& start,
-                       const py::kwargs& settings) {
+      .def(py::init([](const Dataset& dataset, const std::string& preset,
+                       const std::optional<std::variant<std::string, Model>>& start, const py::kwargs& settings) {
              TrainOptions options{preset, {}};
              std::optional<Model> model;
              if (start && std::holds_alternative<Model>(*start)) {
@@ -495,7 +495,8 @@ test_every: every n-th photograph is held out where the data set has no split; 0
              return std::make_unique<Trainer>(dataset, options, model);
            }),
            "dataset"_a, "preset"_a = "default", "start"_a = py::none(), R"(preset, and over it settings by the names of
-tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from, or tgtrain's setting of this name, as "random".)")
+tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from, or
+tgtrain's setting of this name, as "random".)")
       .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
            "One iteration; False: there was none left.")
       .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()))

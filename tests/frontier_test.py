@@ -123,16 +123,16 @@ class Frontier(unittest.TestCase):
                 path.write_text(json.dumps({"commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
                                             "bytes": size, **scores, "base": {**scores, "psnr": 25.0}}))
             page, _ = self.report(folder)
-        self.assertIn("| fox | 25 kB | 2 | 1,000 | 900 | 27.25 / 0.9000 / 0.0500 | 28.05 / 0.9000 / 0.0500 | +0.80 +- 2.54 "
-                      "| 25.00 / 0.9000 / 0.0500 |", page)
+        self.assertIn("| fox | 25 kB | 2 | 1,000 | 900 | 27.25 / 0.9000 / 0.0500 | 28.05 / 0.9000 / 0.0500 "
+                      "| +0.80 +- 2.54 | 25.00 / 0.9000 / 0.0500 |", page)
         self.assertIn("have 98.4 % of their size", page)
 
     def test_a_cell_that_was_cut_elsewhere_is_trained_again_for_its_files(self):
         with tempfile.TemporaryDirectory() as folder:
             folder, name = pathlib.Path(folder), "fox/1700/sh1/plain/1"
             add(folder / "cells", name, (10000, 20.0))
-            options = argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu", threads=1, cut=False,
-                                         cells=folder / "cells")
+            options = argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu", threads=1,
+                                         cut=False, cells=folder / "cells")
             driver, trained_for = frontier.Driver(options), []
 
             def call(_, program, *arguments):

@@ -389,8 +389,8 @@ int train(const TrainFlags& options, Processes* together) {
   std::optional<RunState> state;
   if (run) {
     json_options.fingerprint = datasetFingerprint(dataset);
-    state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, *renderer, json_options,
-                        &stop_requested, quantizedFor(options), context ? &*context : nullptr});
+    state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, json_options, &stop_requested,
+                        quantizedFor(options), context ? &*context : nullptr});
     if (options.run.resume && !state && !options.quiet) {
       std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
     }
@@ -430,9 +430,8 @@ int train(const TrainFlags& options, Processes* together) {
       line.finish();
       json_options.total_seconds = seconds();
       TrainResult result = trainer.result();
-      throw keepModel(
-          options.output,
-          makeTrainedBundle(dataset, settings, result.report, std::move(result.model), json_options), why);
+      throw keepModel(options.output,
+                      makeTrainedBundle(dataset, settings, result.report, std::move(result.model), json_options), why);
     }
     if (!options.quiet) line.show(trainer.progress());
     if (run) run->afterStep(trainer);

@@ -316,6 +316,35 @@ TEST_CASE("a model of a folder that does not fit into memory is no broken file")
   CHECK(refused.out.find("large.ply: the model does not fit into memory") != std::string::npos);
 }
 
+TEST_CASE("a level of detail takes no memory for Gaussians whose images are not there") {
+  const Scratch scratch;
+  const std::string limit = "ulimit -v 1000000; ";
+  TG_SKIP_IF(tgconvert(scratch, "--version", limit).code != 0 ? "the program itself needs more memory" : "");
+  constexpr int kCount = 20'000'000;
+  const nlohmann::json range = {{"file", 0}, {"offset", 0}, {"count", kCount}};
+  const nlohmann::json box = {{"min", {0, 0, 0}}, {"max", {1, 1, 1}}};
+  scratch.write("lod-meta.json", nlohmann::json{{"lodLevels", 1},
+                                                {"filenames", {"a/meta.json"}},
+                                                {"tree", {{"bound", box}, {"lods", {{"0", range}}}}}}
+                                     .dump());
+  std::filesystem::create_directory(scratch.folder() / "a");
+  const auto of = [](const std::vector<std::string>& files) {
+    return nlohmann::json{{"codebook", {0}}, {"files", files}, {"mins", {0, 0, 0}}, {"maxs", {1, 1, 1}}};
+  };
+  nlohmann::json meta = {{"version", 2},
+                         {"count", kCount},
+                         {"means", of({"l.webp", "u.webp"})},
+                         {"scales", of({"s.webp"})},
+                         {"quats", of({"q.webp"})},
+                         {"sh0", of({"c.webp"})},
+                         {"shN", of({"p.webp", "n.webp"})}};
+  meta["shN"]["bands"] = 3;
+  scratch.write("a/meta.json", meta.dump());
+  const Result refused = tgconvert(scratch, "check lod-meta.json", limit);
+  CHECK(refused.code == 3);
+  CHECK(refused.out.find("l.webp") != std::string::npos);
+}
+
 TEST_CASE("tgconvert check lists what is wrong, with JSON pointers and an exit code") {
   const Scratch scratch;
   writeGlb(scratch.folder() / "good.glb",

@@ -66,6 +66,14 @@ class Child {
   Child& operator=(const Child&) = delete;
 
   void send(int signal) const { ::kill(process_, signal); }
+  // To what it has started, alone.
+  void sendToChildren(int signal) const {
+    const std::filesystem::path tasks = "/proc/" + std::to_string(process_) + "/task";
+    for (const auto& task : std::filesystem::directory_iterator(tasks)) {
+      std::ifstream children(task.path() / "children");
+      for (pid_t child; children >> child;) ::kill(child, signal);
+    }
+  }
   // Exit code, or 128 + signal.
   int end() {
     int status = 0;

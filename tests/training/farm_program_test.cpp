@@ -117,6 +117,21 @@ TEST_CASE("a worker that is asked to stop leaves its job with a checkpoint to th
   CHECK_THAT(next.output, Contains("job0: attempt 2, from a checkpoint") && Contains("job0: done"));
 }
 
+TEST_CASE("a training that alone is sent SIGTERM, again and again, is given up", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "6000", 1, "60");
+  Child worker(folder, "farm jobs.jsonl --out farm --threads 1 --retries 1 --no-wait");
+  worker.until([&] {
+    worker.sendToChildren(SIGTERM);
+    return worker.output().find("given up") != std::string::npos;
+  });
+  CHECK(worker.end() == 5);
+  CHECK_THAT(worker.output(),
+             Contains("job0: attempt 1 failed with exit code 143, tried again: the training alone was") &&
+                 Contains("job0: attempt 2 failed with exit code 143; given up"));
+}
+
 TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at the end", "[farm]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

@@ -209,10 +209,13 @@ class Worker {
     const fs::path place = folder_.attempt(job.name, number), result = place / "result";
     // A scheduler's signal goes to the whole job, so this worker's own comes, too. One for the training alone, of what
     // watches over memory, say, comes again with each attempt: it counts as a failure.
-    if (isStopCode(failure.code)) pause(kSignalDelay);
-    if (isStopCode(failure.code) && stop_ != 0) {
-      folder_.end(job.name, number, AttemptEnd::released, {failure.code, "stopped"});
-      return listener_.say(job.name + ": stopped; open for others");
+    if (isStopCode(failure.code)) {
+      pause(kSignalDelay);
+      if (stop_ != 0) {
+        folder_.end(job.name, number, AttemptEnd::released, {failure.code, "stopped"});
+        return listener_.say(job.name + ": stopped; open for others");
+      }
+      failure.words = "the training alone was told to stop";
     }
     // All that it writes is the farm's: where this cannot write there either, not the job is wrong, but the place.
     if (failure.code == static_cast<int>(ErrorKind::cannotWrite)) requireRoom(place, failure.words);

@@ -26,16 +26,15 @@ struct RunFolderOptions {
   int preview_every = 0;           // [iterations] a picture in previews/; 0: none
 };
 
-// What a run is made of. Data set, start model and renderer must outlive the folder.
+// What a run is made of. Data set and start model must outlive the folder.
 struct RunInputs {
   const Dataset& dataset;
   const TrainSettings& settings;
   const GaussianModel* start = nullptr;  // that stage 1 goes on from, if any
-  DifferentiableRenderer& renderer;
   TrainingJsonOptions json;
   const std::atomic<bool>* stop = nullptr;  // set: leave out test scores, the run is about to end
   FlagTexts quantized_for;                  // runIdentity()
-  const GaussianModel* context = nullptr;   // likewise; drawn by `renderer`
+  const GaussianModel* context = nullptr;   // likewise
 };
 
 // Whether the run in `folder` wrote `file`, which is not of the folder, by its outputs.json: that has paths from the

@@ -315,8 +315,8 @@ bool Trainer::shareTextures(const std::atomic<bool>* stop) {
   return true;
 }
 
-// What is the same stays the same from here on. Of a model that was trained without a dictionary textures may be the same
-// by chance, as clamped ones are: only one that is fitted as it came keeps what it shares.
+// What is the same stays the same from here on. Of a model that was trained without a dictionary textures may be the
+// same by chance, as clamped ones are: only one that is fitted as it came keeps what it shares.
 void Trainer::findTextureGroups() {
   if (state_.texture_groups) return;
   state_.texture_groups.emplace();
@@ -745,13 +745,6 @@ TrainResult Trainer::result() const {
     result.model = model();
   }
   return result;
-}
-
-Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,
-                    const glm::vec3& background) {
-  RenderSettings settings;
-  settings.background = background;
-  return imageOf(renderer.forward(model, camera, settings), camera);
 }
 
 TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,

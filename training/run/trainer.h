@@ -153,8 +153,4 @@ struct TrainHooks {
 TrainResult train(const Dataset& dataset, const TrainSettings& settings, DifferentiableRenderer& renderer,
                   const TrainHooks& hooks = {}, std::optional<GaussianModel> start = std::nullopt);
 
-// The picture of a model as an image, by the training renderer.
-Image renderPicture(DifferentiableRenderer& renderer, const GaussianModel& model, const Camera& camera,
-                    const glm::vec3& background);
-
 }  // namespace tg

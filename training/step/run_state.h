@@ -82,8 +82,8 @@ struct RunState {
   RunningMean loss;
   RunningMean squared_error;
   double seconds = 0;  // in the stage
-  // [N] StepInput's, once the stage has looked for them; empty where no textures are shared. Kept, since textures that are
-  // equal by chance when a run goes on are not shared.
+  // [N] StepInput's, once the stage has looked for them; empty where no textures are shared. Kept, since textures that
+  // are equal by chance when a run goes on are not shared.
   std::optional<std::vector<std::uint32_t>> texture_groups;
 
   float file_steps = 0;  // of the file that stage quantized is for; 0: not chosen yet

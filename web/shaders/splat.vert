@@ -17,8 +17,8 @@ uniform sampler2D u_ranges;     // a row an atlas: scale, offset
 uniform int u_per_row;          // Gaussians in a row of these textures
 uniform int u_sh_coefficients;  // without the first one
 uniform mat3 u_camera_from_world;
-uniform vec3 u_eye_rest;  // what a float lacks of the eye's place
 uniform vec3 u_eye;           // world space
+uniform vec3 u_eye_rest;      // what u_eye lacks of the eye's place
 uniform vec4 u_focal_center;  // fx, fy, cx, cy [px]
 uniform vec2 u_size;          // [px]
 uniform uint u_texture_mode;  // kMode*

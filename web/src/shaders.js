@@ -268,7 +268,7 @@ struct Hit {
   float t;
 };
 TG_FN bool intersectSplat(vec3 wx, vec3 wy, vec3 dx, vec3 dy, vec3 d0, float depth, uint model, vec2 delta,
-                          TG_OUT(Hit) hit) {
+                          float near, TG_OUT(Hit) hit) {
   vec3 w = wx * delta.x + wy * delta.y;
   vec3 d = d0 + dx * delta.x + dy * delta.y;
   hit.uv = vec2(0.0f, 0.0f);
@@ -286,7 +286,7 @@ TG_FN bool intersectSplat(vec3 wx, vec3 wy, vec3 dx, vec3 dy, vec3 d0, float dep
     hit.power = dot(w, w) * inv;
     hit.t = depth * dot(d0, d) * inv;
   }
-  return hit.t > kNear;
+  return hit.t > near;
 }
 TG_NAMESPACE_END
 #endif`;
@@ -397,8 +397,8 @@ uniform sampler2D u_ranges;
 uniform int u_per_row;
 uniform int u_sh_coefficients;
 uniform mat3 u_camera_from_world;
-uniform vec3 u_eye_rest;
 uniform vec3 u_eye;
+uniform vec3 u_eye_rest;
 uniform vec4 u_focal_center;
 uniform vec2 u_size;
 uniform uint u_texture_mode;

@@ -8,6 +8,7 @@
 #include "support/cuda_orders.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
+#include "training/render_picture.h"
 #include "training/run/trainer.h"
 #include "training/sample_dataset.h"
 #include "training/score/evaluate.h"
@@ -135,7 +136,7 @@ TEST_CASE("scores and previews draw the CUDA engine's own state, as a renderer d
   for (const Camera& camera : dataset.views) pictures.push_back(trainer.picture(camera));
   CHECK(cuda::bytesToDevice() == sent);
   for (std::size_t i = 0; i < pictures.size(); ++i) {
-    const Image expected = renderPicture(*renderer, model, dataset.views[i], dataset.background);
+    const Image expected = test::renderPicture(*renderer, model, dataset.views[i], dataset.background);
     CHECK(sameNumbers(pictures[i].data, expected.data));
   }
   CHECK(cuda::bytesToDevice() > sent);

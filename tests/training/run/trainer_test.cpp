@@ -19,6 +19,7 @@
 #include "support/same.h"
 #include "support/temporary_folder.h"
 #include "training/data/sample.h"
+#include "training/render_picture.h"
 #include "training/run/checkpoint.h"
 #include "training/run/init.h"
 #include "training/run/report.h"
@@ -63,13 +64,13 @@ TEST_CASE("adding textures and SH degrees leaves the picture the same to the las
   for (const tg::IntersectionModel model : {tg::IntersectionModel::plane, tg::IntersectionModel::maxResponse}) {
     state.model.intersection = model;
     const tg::Camera& camera = dataset.views[0];
-    const tg::Image plain = tg::renderPicture(*renderer, state.model, camera, dataset.background);
+    const tg::Image plain = tg::test::renderPicture(*renderer, state.model, camera, dataset.background);
     for (const tg::TextureMode mode : {tg::TextureMode::alpha, tg::TextureMode::rgb, tg::TextureMode::rgba}) {
       tg::TrainingState textured = state;
       tg::growShDegree(textured, 3);
       tg::addTextures(textured, tg::uniformRects(textured.model.size(), 4, 0), mode, tg::TextureInit::neutral);
       tg::checkModel(textured.model, "textured");
-      CHECK(tg::renderPicture(*renderer, textured.model, camera, dataset.background).data == plain.data);
+      CHECK(tg::test::renderPicture(*renderer, textured.model, camera, dataset.background).data == plain.data);
     }
   }
 }
@@ -301,7 +302,7 @@ namespace {
 
 double trainingPsnr(const tg::Dataset& dataset, const tg::GaussianModel& model, tg::DifferentiableRenderer& renderer) {
   const auto draw = [&](const tg::Camera& camera) {
-    return tg::renderPicture(renderer, model, camera, dataset.background);
+    return tg::test::renderPicture(renderer, model, camera, dataset.background);
   };
   return tg::meanScore(tg::scoreViews(dataset, dataset.indices(false), draw)).psnr;
 }
