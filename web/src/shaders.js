@@ -526,7 +526,7 @@ void main() {
   vec2 delta = vec2(gl_FragCoord.x - u_origin.x, u_size.y - (gl_FragCoord.y - u_origin.y)) - v_center_depth.xy;
   Hit hit;
   if (!intersectSplat(v_wx_r.xyz, v_wy_g.xyz, v_dx_b.xyz, v_dy_layer.xyz, v_d0_opacity.xyz, v_center_depth.z,
-                      u_intersection, delta, hit)) {
+                      u_intersection, delta, kNear, hit)) {
     discard;
   }
   vec3 texture_color = vec3(0.0);
