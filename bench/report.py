@@ -4,7 +4,7 @@
 
     bench/report.py                      docs/results.md from docs/lab/trials
     bench/report.py --work WORK          and WORK/results.html: the same tables, with plots and pictures
-    bench/report.py --trials DIR --results FILE [--html FILE]
+    bench/report.py --trials DIR --again DIR --results FILE [--html FILE]
 
 Beside the cells may lie frames.json, {"CELL": {"ms": milliseconds a frame, "device": what drew it}}, and the pictures
 grazing/ANGLE-TREATMENT.png.
@@ -255,6 +255,49 @@ def spread(trials):
                          *(over_seeds(values, signed) for values in gains)])
     yield Text("PSNR [dB], mean and standard deviation over seeds.")
     yield Table(["", "seeds", "stage 1", "twin", "RGBA", "gain over stage 1", "gain over the twin"], rows)
+    yield from once_more(trials)
+
+
+def once_more(trials):
+    """Cells that were made again, beside what they were."""
+    rows, within = [], 0
+    for name, now in sorted(trials.again.items()):
+        then = trials.done.get(name)
+        if not then:
+            continue
+        found = [measured(trials.cells[name], report) for report in (then, now)]
+        deviation, freedom = seed_deviation(trials, name)
+        difference, band = found[1] - found[0], 2 * math.sqrt(2) * deviation
+        within += abs(difference) <= band
+        rows.append([name, *(f"{at(report, 'training', 'machine', 'device').partition(', compute')[0]}, "
+                             f"`{report['commit']}`" for report in (then, now)),
+                     *(number(value, 2) for value in found), signed(difference, 2), f"{number(band, 2)} ({freedom})"])
+    if rows:
+        yield Text(f"Cells made again, each from a stage 1 of its own that was trained again, too: {within} of {len(rows)} "
+                   "come within two standard deviations of a difference of two seeds. That deviation is pooled over the "
+                   "scene's cells of several seeds, of its tables or of its choices (in brackets how many degrees of "
+                   "freedom it has).")
+        yield Table(["cell", "made on", "again on", "PSNR", "again", "difference", "two deviations"], rows)
+
+
+def measured(cell, report):
+    """PSNR on the views that such a cell is judged by."""
+    if cell.choice:
+        return at(report, "training", "stages", "textured" if cell.start else "plain", "test_psnr")
+    return score(report)["psnr"]
+
+
+def seed_deviation(trials, name):
+    """The standard deviation between seeds, pooled over the cells of this one's scene and views, and its degrees of
+    freedom; 0 and 0 where there is one seed of each."""
+    scene = name.split("/")[:2 if trials.cells[name].choice else 1]
+    seeds = collections.defaultdict(list)
+    for other, report in trials.done.items():
+        if other.split("/")[:len(scene)] == scene:
+            seeds[other.rpartition("/")[0]].append(measured(trials.cells[other], report))
+    freedom = sum(len(values) - 1 for values in seeds.values())
+    squares = sum(statistics.variance(values) * (len(values) - 1) for values in seeds.values() if len(values) > 1)
+    return math.sqrt(squares / freedom) if freedom else 0.0, freedom
 
 
 def efficiency(trials):
@@ -442,9 +485,12 @@ def main():
     parser.add_argument("--results", type=pathlib.Path, default=ROOT / "docs/results.md", help="the Markdown to write")
     parser.add_argument("--work", type=pathlib.Path, help="folder for results.html")
     parser.add_argument("--html", type=pathlib.Path, help="the page to write")
+    parser.add_argument("--again", type=pathlib.Path, default=TRIALS.with_name("again"),
+                        help="folder of cells that were made again")
     options = parser.parse_args()
     try:
         trials = Trials(options.trials)
+        trials.again = Trials(options.again).done
     except Broken as problem:
         sys.exit(str(problem))
     title = "Results: the paper's tables, trained here"

@@ -65,7 +65,7 @@ class ReportTest(unittest.TestCase):
         self.folder = tempfile.TemporaryDirectory()
         self.addCleanup(self.folder.cleanup)
         self.path = pathlib.Path(self.folder.name)
-        self.trials = self.path / "trials"
+        self.trials, self.again = self.path / "trials", self.path / "again"
         self.trials.mkdir()
 
     def add(self, name, *scores, **how):
@@ -78,8 +78,8 @@ class ReportTest(unittest.TestCase):
         return path
 
     def run_report(self):
-        return subprocess.run([sys.executable, ROOT / "bench/report.py", "--trials", self.trials, "--results",
-                               self.path / "results.md", "--work", self.path], capture_output=True, text=True)
+        return subprocess.run([sys.executable, ROOT / "bench/report.py", "--trials", self.trials, "--again", self.again,
+                               "--results", self.path / "results.md", "--work", self.path], capture_output=True, text=True)
 
     def results(self):
         run = self.run_report()
@@ -213,6 +213,26 @@ class ReportTest(unittest.TestCase):
         self.assertEqual((self.results(), self.page()), first)
         self.assertNotIn(str(self.path), "".join(first))
 
+    def test_cells_made_again(self):
+        self.add("fox/001/none/1", 25.0)
+        self.add("fox/001/none/2", 25.1)
+        self.add("fox/005/none/1", 26.0)
+        self.add("lego/001/none/1", 30.0)  # of another scene, as the choice is of other views
+        self.add("lego/001/none/2", 32.0)
+        self.add("choice/fox/001/none/1", 24.0)
+        self.add("choice/fox/001/none/2", 27.0)
+        self.assertNotIn("made again", self.results())
+        for name, psnr in (("fox/001/none/1", 25.19), ("fox/005/none/1", 25.7), ("choice/fox/001/none/1", 24.5)):
+            path = self.again / f"{name}.json"
+            path.parent.mkdir(parents=True)
+            path.write_text(json.dumps(cell(name, psnr)))
+        text = self.results()
+        # 0.1 / sqrt(2) between seeds, and 3 / sqrt(2) between those of choices.
+        self.assertEqual(row(text, "Spread", "fox/001/none/1")[2:], ["25.00", "25.19", "+0.19", "0.20 (1)"])
+        self.assertEqual(row(text, "Spread", "fox/005/none/1")[2:], ["26.00", "25.70", "-0.30", "0.20 (1)"])
+        self.assertEqual(row(text, "Spread", "choice/fox/001/none/1")[2:], ["24.00", "24.50", "+0.50", "6.00 (1)"])
+        self.assertIn("2 of 3 come", text)
+
     def test_broken_cells(self):
         lacking = cell("fox/002/none/1", 25.0)
         del lacking["evaluation"]["ssim"]
@@ -236,7 +256,7 @@ class ReportTest(unittest.TestCase):
             self.assertIn(f"{path}: {what}", run.stderr)
 
     def test_the_trees_own(self):
-        self.trials = ROOT / "docs/lab/trials"
+        self.trials, self.again = ROOT / "docs/lab/trials", ROOT / "docs/lab/again"
         self.assertTrue((ROOT / "docs/results.md").read_text() == self.results(), "not what bench/report.py makes now (run it again)")
 
 
