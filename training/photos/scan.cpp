@@ -107,6 +107,11 @@ PhotographList findPhotographs(const fs::path& folder) {
       entries.disable_recursion_pending();
       continue;
     }
+    if (entries->is_directory(ignored) && ::access(path.c_str(), R_OK | X_OK) != 0) {
+      list.ignored.push_back(path.lexically_relative(folder).string() + " (" + systemReason() + ")");
+      entries.disable_recursion_pending();
+      continue;
+    }
     if (!entries->is_regular_file(ignored)) continue;
     if (++files > kMaxFiles) {
       throw Error(ErrorKind::badData, folder.string(), "too many files" + atMost(kMaxFiles, files));

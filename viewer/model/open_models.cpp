@@ -353,7 +353,12 @@ void OpenModels::firstView(ViewerState& state) {
   resetView(state);
   if (opened_any_) return;
   if (options_.camera.empty() || (state.scene.partial && state.scene.cameras.empty())) return;
-  goToCamera(state, options_.camera, "--camera");
+  const auto go = [&] { goToCamera(state, options_.camera, "--camera"); };
+  if (options_.model.empty()) {
+    attempt(state, go);  // the window was asked for, this model was not
+  } else {
+    go();
+  }
 }
 
 // A model of the data set of the one that was left for it is looked at from where that was.

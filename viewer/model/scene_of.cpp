@@ -33,6 +33,7 @@ const nlohmann::json* member(const nlohmann::json& object, std::string_view key)
 Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   Scene scene;
   scene.path = path;
+  scene.format = std::move(loaded.format);
   scene.background = loaded.background;
   scene.warnings = std::move(loaded.warnings);
   scene.up = sceneUp(loaded.cameras);

@@ -53,11 +53,12 @@ void histogramBars(ViewerState& state, const Histogram& histogram) {
   const auto at = [&](float x) {
     return histogram.low + static_cast<double>(std::clamp(x - corner.x, 0.0f, size.x)) * per_pixel;
   };
-  const float mouse = ImGui::GetIO().MousePos.x;
+  const ImGuiIO& io = ImGui::GetIO();
+  const float mouse = io.MousePos.x;
   const bool begins = ImGui::IsItemActivated();
   if (begins) edit.range_before = edit.selection;
-  if (ImGui::IsItemActive() && edit.range_before && (begins || ImGui::GetIO().MouseDelta.x != 0)) {
-    chooseRange(state, at(ImGui::GetIO().MouseClickedPos[0].x), at(mouse));
+  if (ImGui::IsItemActive() && edit.range_before && (begins || io.MouseDelta.x != 0)) {
+    chooseRange(state, at(io.MouseClickedPos[0].x), at(mouse), heldMode(edit, io.KeyShift, io.KeyCtrl));
   }
   hint(("Drag over a range to select it: " + valueText(value, at(mouse))).c_str());
   ImDrawList* draw = ImGui::GetWindowDrawList();

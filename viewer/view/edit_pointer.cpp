@@ -19,12 +19,6 @@ bool selects(EditTool tool) {
   return tool == EditTool::rectangle || tool == EditTool::brush || tool == EditTool::sphere;
 }
 
-SelectMode modeOf(const ViewerState& state, const EditPointer& pointer) {
-  if (pointer.shift && pointer.control) return SelectMode::intersect;
-  if (pointer.shift) return SelectMode::add;
-  return pointer.control ? SelectMode::subtract : state.edit.mode;
-}
-
 void findSurface(ViewerState& state, const Camera& camera, glm::dvec2 at) {
   state.edit.surface = surfaceAt(*state.scene.model, camera, effectiveSettings(state), glm::ivec2(glm::floor(at)));
 }
@@ -32,7 +26,7 @@ void findSurface(ViewerState& state, const Camera& camera, glm::dvec2 at) {
 void beginSelecting(ViewerState& state, const EditPointer& pointer, const Camera& camera) {
   EditState& edit = state.edit;
   SelectDrag drag;
-  drag.mode = modeOf(state, pointer);
+  drag.mode = heldMode(edit, pointer.shift, pointer.control);
   drag.before = edit.selection;
   drag.from = drag.to = pointer.at;
   if (edit.tool == EditTool::sphere) {

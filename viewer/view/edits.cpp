@@ -113,12 +113,18 @@ const Histogram* histogramShown(ViewerState& state) {
   return &*edit.histogram;
 }
 
-void chooseRange(ViewerState& state, double low, double high) {
+SelectMode heldMode(const EditState& edit, bool shift, bool control) {
+  if (shift && control) return SelectMode::intersect;
+  if (shift) return SelectMode::add;
+  return control ? SelectMode::subtract : edit.mode;
+}
+
+void chooseRange(ViewerState& state, double low, double high, SelectMode mode) {
   const Histogram* histogram = histogramShown(state);
   if (!histogram || !mayEdit(state)) return;
   state.edit.low = std::min(low, high);
   state.edit.high = std::max(low, high);
-  choose(state, insideRange(*histogram, state.edit.low, state.edit.high), state.edit.mode,
+  choose(state, insideRange(*histogram, state.edit.low, state.edit.high), mode,
          state.edit.range_before.value_or(nullptr));
   state.edit.range_found = state.edit.selection;
 }
@@ -201,11 +207,7 @@ bool holdsModel(const std::filesystem::path& file, const Scene& scene) {
       (format.holds(kKeepsViews) || scene.views.empty())) {
     return true;
   }
-  try {
-    return &format == &modelFormat(scene.path);
-  } catch (const Error&) {  // what is read but not written
-    return false;
-  }
+  return format.name == scene.format;
 }
 
 std::filesystem::path saveTarget(const ViewerState& state) {

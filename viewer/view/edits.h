@@ -19,11 +19,13 @@ bool cancelDrag(ViewerState& state);
 
 // `found`: [N]. Another selection ends the drag of a handle: what it moves is not chosen any more.
 void choose(ViewerState& state, std::vector<std::uint8_t> found, SelectMode mode, const SelectionPtr& before);
+// What Shift and Ctrl, held, make of the mode.
+SelectMode heldMode(const EditState& edit, bool shift, bool control);
 void chooseAll(ViewerState& state);
 void chooseNone(ViewerState& state);
 void invertChoice(ViewerState& state);
 // The range of the histogram, combined with what was chosen before it was dragged, else with nothing.
-void chooseRange(ViewerState& state, double low, double high);
+void chooseRange(ViewerState& state, double low, double high, SelectMode mode);
 // Whether that range is the last word on what is selected.
 bool rangeHolds(const EditState& edit);
 // The histogram of state.edit.value; null without a model. Made anew when model or value have changed.

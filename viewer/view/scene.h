@@ -15,6 +15,7 @@ namespace tg {
 
 struct Scene {
   std::filesystem::path path;
+  std::string format;                          // the file's, by what is in it (Bundle::format); "" = not known
   std::optional<FileIdentity> file;            // what was read, or written last; none: not known
   std::shared_ptr<const GaussianModel> model;  // null: none yet
   bool partial = false;                        // a part of the model, to look at while the rest is read

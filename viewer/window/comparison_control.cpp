@@ -62,6 +62,7 @@ void ComparisonControl::update(ViewerState& state, const Picture* picture, bool 
   if (const auto result = metrics_.take(); result && picture && result->pair == picture->pair) {
     compare.metrics = result->metrics;
     compare.measured = true;
+    found_ = result->pair;
   }
 }
 
@@ -71,9 +72,9 @@ void ComparisonControl::measure(CompareState& compare, const Picture* picture, b
     if (compare.how.mode == CompareMode::off) compare.metrics.reset();
     return;
   }
+  compare.measured = found_ == picture->pair;
   if (measured_ == picture->pair) return;
   measured_ = picture->pair;
-  compare.measured = false;
   metrics_.ask(measured_);
 }
 

@@ -41,6 +41,7 @@ class ComparisonControl {
   std::optional<Photographs> photographs_;
   MetricsThread metrics_;
   std::shared_ptr<const PicturePair> measured_;  // last, by the thread
+  std::shared_ptr<const PicturePair> found_;     // whose metrics came last
   double flickered_ = 0;                         // [s] window time
   bool dragging_divider_ = false;
 };

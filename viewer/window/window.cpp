@@ -258,7 +258,7 @@ int Viewer::run() {
       if ((complete() && !measuring()) || !capturing()) capture();
       graphics_->screen().present();
     });
-    frame_timings_.frameShown();
+    if (options_.timings) frame_timings_.frameShown();
   }
   if (options_.timings) frame_timings_.print();
   session_.keep(state_, desktop_.windowSize(graphics_->window()));
@@ -605,7 +605,7 @@ void Viewer::takePicture() {
   if (of_others) graphics_->pictures.tidy();  // one of them may be closed
   state_.display.scale = picture_->scale;
   state_.display.scaled = picture_->request.output;
-  frame_timings_.pictureArrived();
+  if (options_.timings) frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
   const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
   if (for_run && !runs_.active()) runEnded();

@@ -69,6 +69,11 @@ export class TexturedGaussians {
 // The model at an address in a scene, on the device. options: {node, onProgress, signal}.
 export async function loadTexturedGaussians(url, scene, {node = null, ...options} = {}) {
   const gaussians = new TexturedGaussians(await loadModel(url, options), scene, node);
-  await gaussians.ready;
+  try {
+    await gaussians.ready;
+  } catch (error) {
+    gaussians.dispose();
+    throw error;
+  }
   return gaussians;
 }

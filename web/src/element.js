@@ -96,7 +96,11 @@ export class TexturedGaussiansElement extends HTMLElement {
     const address = this.src;
     if (this.stop) this.stop.abort();
     this.loading = address;
-    if (address === '') return;
+    if (address === '') {
+      this.bar.hidden = true;
+      this.words.textContent = '';
+      return;
+    }
     this.stop = new AbortController();
     this.words.textContent = '';
     this.progress(0, 0);

@@ -73,7 +73,12 @@ export class TexturedGaussians extends Entity {
 // The model at an address as an entity below the root, on the device. options: {name, onProgress, signal}.
 export async function loadTexturedGaussians(url, app, {name = 'textured gaussians', ...options} = {}) {
   const entity = new TexturedGaussians(name, await loadModel(url, options), app);
-  await entity.ready;
+  try {
+    await entity.ready;
+  } catch (error) {
+    entity.destroy();
+    throw error;
+  }
   app.root.addChild(entity);
   return entity;
 }

@@ -186,6 +186,10 @@ export class Viewer {
   // Round and round past the stops. False without two of them.
   play(on = true) {
     const {stops} = this;
+    if (on && stops.length > 1 && this.waiting.length > 0) {  // who waits for a picture that stands sees it first
+      this.waiting.push(() => this.play());
+      return true;
+    }
     this.flight = on && stops.length > 1 ? new Flight(stops, this.orbit.camera) : null;
     if (this.flight) this.cameraIndex = this.viewIndex = -1;
     this.changed();

@@ -153,7 +153,11 @@ async function startViewer() {
     listenToHands(viewer);
     listenToDrops(viewer, panel);
     addEventListener('resize', () => viewer.changed());
-    addEventListener('hashchange', () => takeAddress(viewer));
+    addEventListener('hashchange', () => {
+      viewer.settings = {...Splats.settingsOf(viewer.model)};  // an address names what differs from these
+      takeAddress(viewer);
+      panel.fill();
+    });
     window.tgViewer = viewer;
     await viewer.settled();
     showLoading(1);

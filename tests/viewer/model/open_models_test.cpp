@@ -561,6 +561,11 @@ TEST_CASE("the command line's camera is the first model's alone, its background 
   options.camera = std::to_string(7);
   Window wrong(options);
   CHECK_THROWS_AS(wrong.settle(), Error);
+  options.model.clear();  // a window was asked for, and goes on
+  Window later(options);
+  later.open(folder / "b.tgz");
+  CHECK(later.state.documents.open.size() == 1);
+  CHECK(later.state.messages.error.find("--camera") != std::string::npos);
 }
 
 TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays") {

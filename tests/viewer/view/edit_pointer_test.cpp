@@ -158,12 +158,12 @@ TEST_CASE("a range of the histogram that is being dragged survives undo, redo an
     state.edit.range_before = before;
     const Histogram* histogram = histogramShown(state);
     const double middle = (histogram->low + histogram->high) / 2;
-    chooseRange(state, histogram->low, middle);
+    chooseRange(state, histogram->low, middle, state.edit.mode);
     press(state, kUndo);
     CHECK_FALSE(state.edit.range_before);
     CHECK(state.edit.selection == before);
     state.edit.range_before = before;
-    chooseRange(state, middle, histogram->high);
+    chooseRange(state, middle, histogram->high, state.edit.mode);
     REQUIRE(state.edit.selection);
     press(state, kKeyDelete);
     CHECK(state.scene.model->size() < size);

@@ -171,9 +171,15 @@ TEST_CASE("a histogram counts every Gaussian, and its range chooses them") {
     CHECK(histogramShown(state) == histogram);
     const double middle = (histogram->low + histogram->high) / 2;
     state.edit.range_before = nullptr;
-    chooseRange(state, histogram->high, middle);
+    chooseRange(state, histogram->high, middle, state.edit.mode);
     const auto expected = std::ranges::count_if(histogram->values, [&](float v) { return double{v} >= middle; });
     CHECK((state.edit.selection ? state.edit.selection->count : 0) == static_cast<std::size_t>(expected));
+    state.edit.range_before = state.edit.selection;
+    chooseRange(state, histogram->low, histogram->high, heldMode(state.edit, false, true));
+    CHECK_FALSE(state.edit.selection);
+    chooseRange(state, histogram->low, histogram->high, heldMode(state.edit, true, false));
+    REQUIRE(state.edit.selection);
+    CHECK(state.edit.selection->count == histogram->values.size());
   }
 }
 
@@ -184,7 +190,7 @@ TEST_CASE("a range of the histogram is marked while it says what is selected") {
   REQUIRE(histogram);
   CHECK_FALSE(rangeHolds(state.edit));
   state.edit.range_before = nullptr;
-  chooseRange(state, histogram->low, (histogram->low + histogram->high) / 2);
+  chooseRange(state, histogram->low, (histogram->low + histogram->high) / 2, state.edit.mode);
   REQUIRE(state.edit.selection);
   state.edit.range_before.reset();
   frame(state);

@@ -122,11 +122,15 @@ TEST_CASE("an edited model goes to its own file, or to a bundle beside it where 
   ViewerState state = sampleState();
   CHECK(saveTarget(state) == "sample.tgz");
   state.scene.path = "scene.splat";
+  CHECK(saveTarget(state) == "scene.tgz");  // by its name alone
+  state.scene.format = "splat";
   CHECK(saveTarget(state) == "scene.splat");  // it came from one
   CHECK_FALSE(holdsModel("a.ply", state.scene));
   state.scene.path = "scene.ply";
+  state.scene.format = "ply";
   CHECK_FALSE(holdsModel("a.compressed.ply", state.scene));  // which rounds
   state.scene.path = "scene.splat";
+  state.scene.format = "splat";
   CHECK(holdsModel("a.glb", state.scene));
   state.scene.path = "scene.gltf-of-another-kind";
   CHECK(saveTarget(state) == "scene.tgz");

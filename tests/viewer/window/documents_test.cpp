@@ -149,7 +149,8 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
     };
     play(shop, {"a.tgz", "b.tgz"},
          "document 0\npanel off\ncompare side\nwindow side.png\ncompare wipe\ndivider 0.25\nwindow wipe.png\n"
-         "picture wipe-picture.png\ncompare flip\npicture flip-picture.png\nwindow flip.png\ncompare "
+         "picture wipe-picture.png\ninspect 60 90\npicture inspected.png\nclear-inspection\ncompare flip\npicture "
+         "flip-picture.png\nwindow flip.png\ncompare "
          "difference\nwindow difference.png\ndifference signed 4\nwindow signed.png\n"
          "compare flicker\nwindow first.png\nkey Shift+V\nwindow other.png\ncompare off\nwindow off.png\n"
          "output count\ncompare side\nwindow count.png\n",
@@ -161,6 +162,7 @@ TEST_CASE("a comparison on screen is the one that --render writes, and both are 
     const Image wipe = composed(a, b, {}, {.mode = CompareMode::wipe, .divider = 0.25f});
     CHECK(psnr(shop.read("wipe.png"), wipe) > 45);
     CHECK(psnr(shop.read("wipe-picture.png"), wipe) > 45);
+    CHECK(psnr(shop.read("inspected.png"), wipe) > 45);
     const Image flip = flipOf(a, b, {});
     CHECK(psnr(shop.read("flip.png"), flip) > 35);
     CHECK(psnr(shop.read("flip-picture.png"), flip) > 35);
