@@ -120,7 +120,8 @@ class Driver:
         path = self.options.cells / f"{name}.json"
         report = json.loads(path.read_text()) if path.exists() else {}
         if "trained" in report or (is_command(name) and report):
-            print(f"{name}: done already (expected --cells FOLDER and a WORK of its own to make it again)", file=sys.stderr)
+            print(f"{name}: done already (expected --cells FOLDER and a WORK of its own to make it again)",
+                  file=sys.stderr)
             return
         print(name, file=sys.stderr, flush=True)
         if is_command(name):

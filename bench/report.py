@@ -273,10 +273,10 @@ def once_more(trials):
                              f"`{report['commit']}`" for report in (then, now)),
                      *(number(value, 2) for value in found), signed(difference, 2), f"{number(band, 2)} ({freedom})"])
     if rows:
-        yield Text(f"Cells made again, each from a stage 1 of its own that was trained again, too: {within} of {len(rows)} "
-                   "come within two standard deviations of a difference of two seeds. That deviation is pooled over the "
-                   "scene's cells of several seeds, of its tables or of its choices (in brackets how many degrees of "
-                   "freedom it has).")
+        yield Text(f"Cells made again, each from a stage 1 of its own that was trained again, too: {within} of "
+                   f"{len(rows)} come within two standard deviations of a difference of two seeds. That deviation is "
+                   "pooled over the scene's cells of several seeds, of its tables or of its choices (in brackets how "
+                   "many degrees of freedom it has).")
         yield Table(["cell", "made on", "again on", "PSNR", "again", "difference", "two deviations"], rows)
 
 
@@ -408,8 +408,8 @@ def choices(trials):
                f"{number(report['training']['gaussians'])} Gaussians ({scene})" for scene, report in whole if report]
     yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
                "difference is to the first row at the same scene, share and seed (two that began with different "
-               "results of the same stage 1 are not compared); \"difference\" is the mean over scenes and shares, +- its 95 % "
-               "confidence interval (Student's t) by the seeds, where there are any. A tie is within that or within "
+               "results of the same stage 1 are not compared); \"difference\" is the mean over scenes and shares, +- "
+               "its 95 % confidence interval (Student's t) by the seeds, where there are any. A tie is within that or within "
                f"{TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
                "have no limit.")
     twin = "no textures (twin)"

@@ -256,7 +256,8 @@ class Driver:
         """The cell's report; runs it, and what it needs, where that is missing."""
         report = self.report(name)
         if report:
-            print(f"{name}: done already (expected --trials FOLDER and a WORK of its own to train it again)", file=sys.stderr)
+            print(f"{name}: done already (expected --trials FOLDER and a WORK of its own to train it again)",
+                  file=sys.stderr)
         return report or self.write(name, self.train(name))
 
     @alone
