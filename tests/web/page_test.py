@@ -141,6 +141,16 @@ def at_a_desk(browser, page):
     browser.open(link, 640, 480)
     same = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture()")), shown)
     expect("and that address shows it again, at least 38 dB", same.psnr >= 38, same)
+    browser.press("2")
+    other = browser.evaluate("tgViewer.settings.show")
+    browser.evaluate("location.hash = '#camera=1'")
+    expect("an address that comes later shows what it names, and else what the model says",
+           other == "base" and until(browser, "tgViewer.settings.show === 'final' && tgViewer.cameraIndex === 1"), other)
+    browser.evaluate("tgViewer.settled().then(() => { window.stood = true; }), tgViewer.play()")
+    expect("a flight waits for the picture that somebody waits for, and begins",
+           until(browser, "window.stood === true && tgViewer.playing"))
+    browser.press("l")
+    expect("and L ends it", until(browser, "!tgViewer.playing"))
 
     browser.page("Page.navigate", url="about:blank")
     browser.open(f"{page}?show=alpha", 640, 480)
