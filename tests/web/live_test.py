@@ -82,6 +82,20 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             check(all(request.startswith(url.split("?")[0]) or request.startswith(("blob:", "data:"))
                       for request in browser.requests), f"other places: {set(browser.requests)}")
             check(not browser.log, browser.log)
+            # A picture of which nothing comes is given up, and asked for again; time passes quicker here.
+            browser.evaluate("window.fetched = window.fetch; window.held = 0; window.later = window.setTimeout;"
+                             "window.setTimeout = (call, time) => later(call, time === 30000 ? 300 : time);"
+                             "window.fetch = (address, options) => {"
+                             "if (held || !String(address).includes('picture.png')) return fetched(address, options);"
+                             "held = 1; return new Promise((_, fail) => options.signal?.addEventListener('abort', () =>"
+                             "fail(options.signal.reason))); };"
+                             "window.pictures = 0; document.getElementById('rendering').onload = () => ++pictures; 0")
+            until("a picture that is silent", lambda: browser.evaluate("held"))
+            line = lambda: browser.evaluate("document.getElementById('stage-line').textContent")
+            before = line()
+            until("words after it", lambda: line() != before)
+            until("a picture after it", lambda: browser.evaluate("pictures"))
+            browser.evaluate("window.fetch = fetched; window.setTimeout = later; 0")
             # Words come while a model that takes long is on its way, the last ones, too.
             browser.evaluate("window.fetched = window.fetch; window.asked = 0; window.fetch = async (address, options) => {"
                              "if (!String(address).includes('model.glb')) return fetched(address, options);"

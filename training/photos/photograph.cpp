@@ -75,12 +75,13 @@ std::string textOf(ExifData* data, ExifIfd ifd, ExifTag tag) {
   return text;
 }
 
-double focalPerDiagonal(ExifData* data, int width, int height) {
+// 0: not said. None: not the picture's.
+std::optional<double> focalPerDiagonal(ExifData* data, int width, int height) {
   const double taken_width = numberOf(data, EXIF_IFD_EXIF, EXIF_TAG_PIXEL_X_DIMENSION);
   const double taken_height = numberOf(data, EXIF_IFD_EXIF, EXIF_TAG_PIXEL_Y_DIMENSION);
   if (taken_width > 0 && taken_height > 0) {
     const auto shape = [](double a, double b) { return std::max(a, b) / std::min(a, b); };
-    if (std::abs(shape(taken_width, taken_height) / shape(width, height) - 1) > kSameShape) return 0;
+    if (std::abs(shape(taken_width, taken_height) / shape(width, height) - 1) > kSameShape) return std::nullopt;
   }
   double ratio = numberOf(data, EXIF_IFD_EXIF, EXIF_TAG_FOCAL_LENGTH_IN_35MM_FILM) / kFilmDiagonal;
   if (ratio == 0 && taken_width > 0 && taken_height > 0) {
@@ -89,7 +90,8 @@ double focalPerDiagonal(ExifData* data, int width, int height) {
     const double density = numberOf(data, EXIF_IFD_EXIF, EXIF_TAG_FOCAL_PLANE_X_RESOLUTION) / unit;  // [px/mm]
     ratio = focal * density / std::hypot(taken_width, taken_height);
   }
-  return ratio >= kShortest && ratio <= kLongest ? ratio : 0;
+  if (ratio != 0 && (ratio < kShortest || ratio > kLongest)) return std::nullopt;
+  return ratio;
 }
 
 std::optional<Place> placeOf(ExifData* data) {
@@ -260,7 +262,9 @@ ExifFacts readExif(Bytes block, int width, int height) {
   const std::string make = textOf(data.get(), EXIF_IFD_0, EXIF_TAG_MAKE);
   const std::string model = textOf(data.get(), EXIF_IFD_0, EXIF_TAG_MODEL);
   facts.camera = model.starts_with(make) ? model : make.empty() ? model : make + " " + model;
-  facts.focal_per_diagonal = focalPerDiagonal(data.get(), width, height);
+  const std::optional<double> focal = focalPerDiagonal(data.get(), width, height);
+  facts.focal_per_diagonal = focal.value_or(0);
+  facts.focal_refused = !focal;
   facts.place = placeOf(data.get());
   return facts;
 }
@@ -283,7 +287,8 @@ TakenPhotograph decodePhotograph(Bytes bytes, const std::string& path) {
     exif = format == PictureFormat::jpeg ? exifOfJpeg(bytes) : exifOfChunks(bytes, 8, "eXIf", true);
   }
   photograph.facts = readExif(exif, photograph.image.width, photograph.image.height);
-  photograph.as_stored = format == PictureFormat::jpeg && photograph.facts.orientation == 1;
+  photograph.as_stored =
+      format == PictureFormat::jpeg && photograph.facts.orientation == 1 && !photograph.facts.focal_refused;
   photograph.image = turned(withoutOpaqueAlpha(std::move(photograph.image)), photograph.facts.orientation);
   return photograph;
 }

@@ -20,8 +20,8 @@ struct Place {
 struct ExifFacts {
   int orientation = 1;  // 1 to 8, as TIFF numbers them
   std::string camera;   // make and model; "" not said
-  // Of the lens over the diagonal of the picture that the camera took; 0: not said, or the picture was cropped since.
-  double focal_per_diagonal = 0;
+  double focal_per_diagonal = 0;  // of the lens, over the diagonal of the picture that the camera took; 0: not known
+  bool focal_refused = false;     // what is said is of no lens, or of the picture before it was cropped
   std::optional<Place> place;
 };
 
@@ -32,7 +32,7 @@ ExifFacts readExif(std::span<const std::uint8_t> block, int width, int height);
 struct TakenPhotograph {
   Image image;  // 1, 3 or 4 channels, upright
   ExifFacts facts;
-  bool as_stored = false;  // a JPEG that nothing had to be done to
+  bool as_stored = false;  // a JPEG that nothing had to be done to: it is upright, and COLMAP may read its EXIF
 };
 
 // Throws Error(cannotRead / badData).

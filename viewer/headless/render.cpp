@@ -47,7 +47,8 @@ void followToFile(const ViewOptions& options, bool numbers) {
   const HeadlessRenderer backend = makeHeadlessRenderer(options);
   for (;;) {
     ModelFollower::News news = follower.wait();
-    if (!news.problem.empty()) std::fprintf(stderr, "tgview: %s\n", news.problem.c_str());
+    const bool said = !news.problem.empty() && !(options.quiet && news.missing);
+    if (said) std::fprintf(stderr, "tgview: %s\n", news.problem.c_str());
     if (!news.model) continue;
     const bool finished = trainingProgress(news.model->training_json).finished;
     const Scene scene = sceneFor(options, std::move(*news.model));

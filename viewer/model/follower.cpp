@@ -49,6 +49,7 @@ void ModelFollower::run(const std::stop_token& stop) {
     News news;
     if (!found) {
       news.problem = "waiting for " + file_.string();
+      news.missing = true;
     } else {
       try {
         news.model = readModel(file, {.progress = &progress_});

@@ -23,6 +23,7 @@ class ModelFollower {
   struct News {
     std::optional<Bundle> model;  // a new one
     std::string problem;          // why there is none; "" once there is
+    bool missing = false;         // `problem`: the file is not there (yet)
   };
 
   // `wake` is called in that thread whenever there is news.

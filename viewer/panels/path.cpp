@@ -149,7 +149,8 @@ void recordSection(ViewerState& state) {
     return;
   }
   const float share = record.frames > 0 ? static_cast<float>(record.done) / static_cast<float>(record.frames) : 0.0f;
-  const std::string text = std::to_string(record.done) + " / " + std::to_string(record.frames);
+  const std::string text =
+      std::to_string(record.done) + " / " + std::to_string(record.frames) + (record.waits ? ", waits" : "");
   ImGui::ProgressBar(share, {half, 0}, text.c_str());
   ImGui::SameLine(0, spacing);
   if (segment("Cancel", false, 0, 1)) record.wanted = false;

@@ -19,7 +19,7 @@ PictureOnScreen pictureOnScreen(const ViewerState& state) {
 }
 
 void sceneOverlay(const ViewerState& state) {
-  if (state.record.wanted) return;  // the picture is another camera's
+  if (state.record.wanted && !state.record.waits) return;  // the picture is another camera's
   const PictureOnScreen picture = pictureOnScreen(state);
   const Camera& camera = picture.camera;
   ImDrawList* draw = ImGui::GetBackgroundDrawList();

@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "core/system/assert.h"
@@ -79,7 +80,12 @@ bool PictureRuns::update(ViewerState& state, glm::ivec2 area) {
       begin(state, area);
       return false;
     }
-    if (!options_.benchmark && (!state.record.wanted || !state.scene.model)) {
+    const bool closed = streams() && documentOf(state, *streamed_) < 0;
+    if (waitsFor(state.scene) != std::exchange(state.record.waits, waitsFor(state.scene)) && state.record.waits) {
+      awaited_.reset();  // pictures of what is shown come between
+      if (!closed) notify(state, "The recording goes on when " + streamed_->filename().string() + " is shown again");
+    }
+    if (!options_.benchmark && (!state.record.wanted || !state.scene.model || closed)) {
       end(state, "Recording cancelled");
     } else if (run_->done() == run_->frames()) {
       const std::string result = run_->finish();
@@ -105,17 +111,20 @@ void PictureRuns::begin(const ViewerState& state, glm::ivec2 area) {
     if (!state.scene.model) throw Error(ErrorKind::usage, "there is no model to record");
     run_ = std::make_unique<RecordingRun>(state);
   }
+  if (run_ && state.scene.streamed_from > 0) streamed_ = state.scene.path;
 }
 
 void PictureRuns::end(ViewerState& state, const std::string& notice) {
   run_.reset();
   awaited_.reset();
   look_.reset();
+  streamed_.reset();
+  state.record.waits = false;
   state.record.wanted = false;
   if (!notice.empty() && !scripted_) notify(state, notice);
 }
 
-std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view, bool streamed) {
+std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view) {
   TG_ASSERT(run_, "a run is active");
   if (awaited_) return std::nullopt;
   const Camera* camera = run_->due();
@@ -123,7 +132,7 @@ std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view, bool 
   if (!look_) look_ = view;
   awaited_ = *look_;
   awaited_->camera = *camera;
-  if (streamed) awaited_->model = view.model;
+  if (streams()) awaited_->model = view.model;
   awaited_->other.reset();
   return awaited_;
 }

@@ -3,6 +3,7 @@
 #pragma once
 #include <chrono>
 #include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -37,13 +38,16 @@ class PictureRuns {
   bool active() const { return run_ != nullptr; }
   // The camera of the picture that is due; null while there is none.
   const Camera* next() { return run_ ? run_->due() : nullptr; }
+  // Whether the run draws the levels of a streamed scene, each picture its own. They come while it is shown.
+  bool streams() const { return run_ && streamed_; }
+  bool waitsFor(const Scene& shown) const { return streams() && shown.path != *streamed_; }
 
   // Once a frame. `area`: of the picture [px]. True when a run has ended: what was asked for last is no longer wanted.
   // Throws Error with a script or a benchmark.
   bool update(ViewerState& state, glm::ivec2 area);
-  // The picture that the run waits for, once for each: the run's first `view` with the run's camera, and, where the
-  // model is `streamed`, with the levels of `view`. None: it is on its way, or none is due.
-  std::optional<PictureRequest> due(const PictureRequest& view, bool streamed);
+  // The picture that the run waits for, once for each: the run's first `view` with the run's camera, and, where it
+  // streams, with the levels of `view`. None: it is on its way, or none is due.
+  std::optional<PictureRequest> due(const PictureRequest& view);
   // Whether the picture was made for the run, which takes it; `read` fetches its pixels.
   bool take(ViewerState& state, const Picture& picture, const std::function<Image()>& read);
   // The picture on its way will not come, but may be asked for again.
@@ -61,6 +65,7 @@ class PictureRuns {
   std::unique_ptr<PictureRun> run_;
   std::optional<PictureRequest> awaited_;
   std::optional<PictureRequest> look_;  // model, settings and output of all its pictures
+  std::optional<std::filesystem::path> streamed_;  // the scene, where it is streamed
 };
 
 }  // namespace tg

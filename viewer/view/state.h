@@ -60,6 +60,7 @@ struct RecordState {
   double fps = 30;
   int turntable_frames = 120;  // of a turn, where there is no path
   bool wanted = false;         // set to begin, cleared to cancel; the window clears it at the end
+  bool waits = false;          // for its streamed scene to be shown again
   std::size_t done = 0, frames = 0;
 };
 constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]

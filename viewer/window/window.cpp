@@ -120,6 +120,8 @@ class Viewer {
   void takePicture();
   void drawFrame();
   bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
+  // The pictures on screen are a recording's or a benchmark's, not those of the view.
+  bool runDraws() const { return runs_.active() && !runs_.waitsFor(state_.scene); }
   // Levels are on their way that a script waits for.
   bool streaming() const { return script_ && !state_.stream.settled && !state_.loading.script_goes_on; }
   // The picture on screen is that of the present state at full size, or will never come. While the camera moves by
@@ -364,7 +366,7 @@ void Viewer::wishForLevels() {
   const auto isStreamed = [](const Scene& scene) { return scene.streamed_from > 0; };
   const bool beside = other >= 0 && isStreamed(state_.documents.open[static_cast<std::size_t>(other)].scene);
   if (!isStreamed(state_.scene) && !beside) return;
-  if (runs_.active()) {
+  if (runDraws()) {
     if (const Camera* next = runs_.next()) stream.camera = *next;
     stream.drawn = true;
     return;
@@ -440,9 +442,11 @@ bool Viewer::handlePointer() {
     cancelDrag(state_);
     return advance(state_, input.seconds);
   }
-  const PointerTaken taken = editInput(state_);
-  inspectClick();
-  if (!taken.button && comparison_.dragDivider(state_.compare.how, pictureArea())) {
+  const bool of_run = runDraws();  // what lies under the pointer then is another camera's
+  if (of_run) cancelDrag(state_);
+  const PointerTaken taken = of_run ? PointerTaken{} : editInput(state_);
+  if (!of_run) inspectClick();
+  if (!of_run && !taken.button && comparison_.dragDivider(state_.compare.how, pictureArea())) {
     frames_since_event_ = 0;
   } else if (!io.WantCaptureMouse) {
     // The way to where a button went down is no drag.
@@ -540,7 +544,7 @@ PictureRequest Viewer::request(glm::ivec2 size) const {
 bool Viewer::complete() const {
   if (inspecting() || streaming()) return false;
   if (!state_.scene.model || given_up_) return true;
-  if (runs_.active()) return picture_ != nullptr;  // no picture is the last one
+  if (runDraws()) return picture_ != nullptr;  // no picture is the last one
   if (animating()) return picture_ && (!capturing() || picture_->image->size == wantedSize());
   return picture_ && same(picture_->request, request(wantedSize()));
 }
@@ -565,13 +569,12 @@ void Viewer::askForPicture(bool moving) {
     graphics_->pictures.tidy();
     return;
   }
-  if (runs_.active()) {
-    const bool streamed = state_.scene.streamed_from > 0;
-    if (streamed) {
+  if (runDraws()) {
+    if (runs_.streams()) {
       const Camera* next = runs_.next();
       if (!next || !state_.stream.settled || static_cast<const Pinhole&>(*next) != state_.stream.camera) return;
     }
-    if (const auto due = runs_.due(request(pictureArea().size), streamed)) ask(*due);
+    if (const auto due = runs_.due(request(pictureArea().size))) ask(*due);
     return;
   }
   glm::ivec2 size = wantedSize();
@@ -629,7 +632,7 @@ void Viewer::drawFrame() {
   const glm::ivec2 laid_out(std::lround(io.DisplaySize.x * io.DisplayFramebufferScale.x),
                             std::lround(io.DisplaySize.y * io.DisplayFramebufferScale.y));
   std::vector<PictureBlit> blits;
-  if (picture_ && runs_.active()) {
+  if (picture_ && runDraws()) {
     const glm::ivec2 size = picture_->image->size;
     blits.push_back({picture_->image, {{0, 0}, size}, fittedInto(pictureArea(), size)});
   } else if (picture_) {

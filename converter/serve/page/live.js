@@ -3,15 +3,35 @@
 
 const PAUSE = 400;            // [ms] between an answer and the next question
 const LOST_AFTER = 5000;      // [ms] without an answer
+const STALLED_AFTER = 30000;  // [ms] between two parts of a picture or a model
 const COLORS = {train: '#5b8af0', test: '#f0a35b', loss: '#6fc2a0', gaussians: '#b79be0'};
 
 const token = new URLSearchParams(location.search).get('token');
 
-async function ask(path, options = {}) {
+// The answer's bytes; given up once nothing has come for so long. [ms]
+async function ask(path, patience = STALLED_AFTER) {
   const headers = token ? {Authorization: `Bearer ${token}`} : {};
-  const answer = await fetch(path, {headers, ...options});
-  if (!answer.ok) throw new Error((await answer.text()).trim() || `${path}: ${answer.status}`);
-  return answer;
+  const silence = new AbortController();
+  let timer = 0;
+  const wait = () => {
+    clearTimeout(timer);
+    timer = setTimeout(() => silence.abort(new Error(`no bytes for ${duration(patience / 1000)}`)), patience);
+  };
+  wait();
+  try {
+    const answer = await fetch(path, {headers, signal: silence.signal});
+    const parts = [];
+    const reader = answer.body.getReader();
+    for (let part = await reader.read(); !part.done; part = await reader.read()) {
+      parts.push(part.value);
+      wait();
+    }
+    const body = new Blob(parts, {type: answer.headers.get('Content-Type') || ''});
+    if (!answer.ok) throw new Error((await body.text()).trim() || `${path}: ${answer.status}`);
+    return body;
+  } finally {
+    clearTimeout(timer);
+  }
 }
 
 function duration(seconds) {
@@ -92,7 +112,7 @@ class RunPanel {
     if (number === this.heldOut) return;
     const load = async (id, path) => {
       const image = element(id);
-      const url = URL.createObjectURL(await (await ask(path)).blob());
+      const url = URL.createObjectURL(await ask(path));
       if (image.src) URL.revokeObjectURL(image.src);
       image.src = url;
     };
@@ -172,7 +192,7 @@ async function startLive() {
   };
   let start = null;
   const once = async () => {
-    const state = await (await ask(run.question, {signal: AbortSignal.timeout(LOST_AFTER)})).json();
+    const state = JSON.parse(await (await ask(run.question, LOST_AFTER)).text());
     answered = performance.now();
     if (start !== null && state.start !== start) {  // another program, with numbers of its own
       location.reload();

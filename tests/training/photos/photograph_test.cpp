@@ -124,6 +124,18 @@ TEST_CASE("the eight orientations put the stored corner where TIFF says", "[phot
 TEST_CASE("a cropped photograph has no known lens, and a broken block says nothing", "[photos]") {
   CHECK(tg::readExif(kBlock, 30, 40).focal_per_diagonal > 0);
   CHECK(tg::readExif(kBlock, 40, 40).focal_per_diagonal == 0);
+  // COLMAP would find what is refused in a copy with the bytes of such a file.
+  const tg::TemporaryFolder folder;
+  const auto stored = [&](int width, int equivalent) {
+    writeJpegWithExif(folder / "a.jpg", exifBlock({}, {{0xa002, 3, static_cast<std::uint32_t>(width)},
+                                                       {0xa003, 3, 30},
+                                                       {0xa405, 3, static_cast<std::uint32_t>(equivalent)}}));
+    return tg::readPhotograph(folder / "a.jpg").as_stored;
+  };
+  CHECK(stored(40, 26));
+  CHECK_FALSE(stored(60, 26));
+  CHECK_FALSE(stored(40, 1));
+  CHECK(stored(40, 0));
   for (std::size_t length = 0; length < kBlock.size(); ++length) {
     tg::readExif(std::span(kBlock).first(length), 40, 30);
   }

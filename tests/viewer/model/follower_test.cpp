@@ -83,10 +83,12 @@ TEST_CASE("a followed file is waited for, read again when replaced, and missed w
   ModelFollower::News news = follower.wait();
   CHECK_FALSE(news.model);
   CHECK(news.problem == "waiting for " + file.string());
+  CHECK(news.missing);
 
   std::ofstream(file) << "half a model";
   news = follower.wait();
   CHECK_FALSE(news.model);
+  CHECK_FALSE(news.missing);
   CHECK_THAT(news.problem, Contains(file.string()));
 
   writeModel(file, 3, kPlain);

@@ -194,6 +194,22 @@ TEST_CASE("a hand selects with a rectangle, deletes, and takes it back", "[windo
   CHECK(psnr(shop.read("deleted.png"), shop.read("undone.png")) < 45);
 }
 
+TEST_CASE("a hand selects nothing in the pictures of a recording", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::playByHand(shop,
+                   seen("tool") +
+                       "record-size 160x120\nrecord-frames 3000\nrecord turn/####.png\nwait 3\n"
+                       "window begun.png\n" +
+                       seen("dragged") + "cancel-recording\nwait 3\nwindow ended.png\n" + seen("deleted") +
+                       "save-model deleted.tgz\n",
+                   "key F2\nseen tool\nreached begun.png\nto 200 120\npress 1\nto 260 200\nto 330 400\nrelease 1\n"
+                   "seen dragged\nreached ended.png\nkey Delete\nseen deleted\n");
+  CHECK_FALSE(std::filesystem::exists(shop / "turn/2999.png"));
+  CHECK(readBundle(shop / "deleted.tgz").model == readBundle(shop / "model.tgz").model);
+}
+
 TEST_CASE("a hand moves the selection by an arrow in the picture", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;

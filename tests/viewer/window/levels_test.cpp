@@ -81,6 +81,38 @@ TEST_CASE("a recording in the window has the levels of each of its cameras", "[w
   }
 }
 
+TEST_CASE("a recording of a streamed scene waits while another model is shown, and is cancelled when it is closed",
+          "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  (void)test::writeLevels(shop / "scene/lod-meta.json");
+  test::writeSample(shop / "model.tgz");
+  const std::vector<std::string> scene = {"scene/lod-meta.json", "--splat-budget", "1000"};
+  const std::string begin = "panel off\nopen model.tgz\ndocument 0\ncamera 1\nrecord-size 160x120\n";
+  play(shop, scene,
+       begin +
+           "record-frames 24\nrecord turn/####.png\nwait 2\ndocument 1\nwait 60\npicture other.png\ndocument 0\n"
+           "await-recording\n");
+  CHECK(shop.read("other.png").width == 320);
+  ProcessResult result = shop.tgview({"model.tgz", "--render", "render.png", "--size", "320x240", "--backend", "cpu"});
+  REQUIRE(result.exit_code == 0);
+  CHECK(psnr(shop.read("other.png"), shop.read("render.png")) > 45);
+  result = shop.tgview({"scene/lod-meta.json", "--splat-budget", "1000", "--camera", "1", "--turntable", "24", "--size",
+                        "160x120", "-o", "plain/####.png", "--backend", "cpu", "-q"});
+  INFO(result.err);
+  REQUIRE(result.exit_code == 0);
+  for (const char* frame : {"/0000.png", "/0012.png", "/0023.png"}) {
+    INFO(frame);
+    CHECK(psnr(shop.read(std::string("turn") + frame), shop.read(std::string("plain") + frame)) > 45);
+  }
+  play(shop, scene,
+       begin +
+           "record-frames 3000\nrecord closed/####.png\nwait 2\ndocument 1\nwait 2\nclose-document 0\n"
+           "await-recording\npicture left.png\n");
+  CHECK_FALSE(std::filesystem::exists(shop / "closed/2999.png"));
+  CHECK(psnr(shop.read("left.png"), shop.read("render.png")) > 45);
+}
+
 TEST_CASE("a window with a file of chunks that is truncated goes on, and ends by itself", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
