@@ -146,10 +146,13 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
         options.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
     const KeepExisting no_other_run(!options.overwrite && !options.dry_run);
     const std::filesystem::path file = folder ? folder->path() / output.filename() : output;
-    writeModel(format, file, source, write_options, report);
+    writeTrial(format, file, output, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
   };
   if (isStreamingPage(input, format, options)) {
+    if (options.measure == Measure::always) {
+      throw Error(ErrorKind::usage, output.string(), "--psnr does nothing: the page holds no model, but streams it");
+    }
     const KeepExisting no_other_run(!options.overwrite && !options.dry_run);
     writePageBeside(input, output, report);
     return report;
@@ -166,6 +169,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     write_options.gaussians = &blocks;
     try {
       Bundle beside;
+      beside.knows_background = false;
       beside.views = options.views;
       write(beside);
       return report;
@@ -190,8 +194,6 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   // Pictures are compared from the source's cameras also where they are not written.
   const std::vector<Camera> views =
       measured || options.target.given() ? qualityViews(source.model, source.cameras) : std::vector<Camera>();
-  if (!options.cameras) source.cameras.clear();
-  report.cameras = format.holds(kKeepsCameras) ? source.cameras.size() : 0;
   report.warnings = source.warnings;
   if (options.texture_step && !isTextured(source.model)) report.warnings.emplace_back(kIdleTextureStep);
   const bool changes = changesPictures(source.model, format, options);
@@ -202,7 +204,9 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   GaussianModel base;
   std::optional<Bundle> adapted;
   if (options.viewer) adapted = adaptedBundle(source, options, format, base, write_options, report);
+  if (!options.cameras) (adapted ? *adapted : source).cameras.clear();
   const Bundle& written = adapted ? *adapted : source;
+  report.cameras = format.holds(kKeepsCameras) ? written.cameras.size() : 0;
   report.gaussians = written.model.size();
   if (options.target.given()) {
     write_options.steps = stepsFor(format, output, written, views, write_options, options.target);

@@ -180,6 +180,7 @@ struct ShapingOption {
   bool (*shapes)(const tg::Format& format);
 };
 constexpr ShapingOption kShapingOptions[] = {
+    {"--psnr", [](const tg::Format& format) { return format.read != nullptr; }},
     {"--no-cameras", [](const tg::Format& format) { return format.holds(tg::kKeepsCameras); }},
     {"--lean", [](const tg::Format& format) { return format.is_gltf && format.name != "html"; }},  // which always is
     {"--quantize", [](const tg::Format& format) { return format.is_gltf; }},

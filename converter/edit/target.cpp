@@ -33,8 +33,8 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
     writeModel(format, file, source, options, written);
   } catch (const Error& error) {
     std::string said = error.what();
-    if (said.starts_with(file.string())) said.replace(0, file.string().size(), name.string());
-    throw Error(error.kind, said);
+    if (file == name || !said.starts_with(file.string())) throw;
+    throw Error(error.kind, said.replace(0, file.string().size(), name.string()));
   }
 }
 

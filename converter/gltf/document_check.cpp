@@ -6,6 +6,7 @@
 #include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <string_view>
 
 #include "converter/gltf/document.h"
@@ -218,12 +219,17 @@ void checkAccessors(const JsonNode& root, const std::vector<View>& views) {
   }
 }
 
-void checkImages(const JsonNode& root, const std::vector<View>& views) {
+// Each image's bytes are copied, wherever they lie. `stored`: bytes of all buffers.
+void checkImages(const JsonNode& root, const std::vector<View>& views, std::uint64_t stored) {
+  const std::uint64_t most = std::max(std::uint64_t{64} << 20, 4 * stored);
+  std::uint64_t total = 0;
   for (const JsonNode& image : elements(root, "images")) {
     if (image.has("uri") == image.has("bufferView")) image.fail("needs either a uri or a bufferView");
     if (image.has("bufferView")) {
       const View& view = views[image.at("bufferView").index(views.size(), "bufferView")];
       if (view.bytes > std::uint64_t{std::numeric_limits<std::int32_t>::max()}) image.fail("is larger than 2 GiB");
+      total += view.bytes;
+      if (total > most) image.fail("the images take more than the buffers hold" + atMost(most, total));
     } else if (!tinygltf::IsDataURI(image.at("uri").string())) {
       image.at("uri").fail("external images are not read" +
                            expectedFound("a bufferView or a base64 data URI", image.at("uri").shown()));
@@ -327,9 +333,10 @@ void checkGltfJson(const json& value, const GltfParts& parts, const std::string&
   checkVersion(root);
   checkExtensions(root);
   checkIntegers(root);
-  const std::vector<View> views = checkViews(root, checkBuffers(root, parts));
+  const std::vector<std::uint64_t> buffers = checkBuffers(root, parts);
+  const std::vector<View> views = checkViews(root, buffers);
   checkAccessors(root, views);
-  checkImages(root, views);
+  checkImages(root, views, std::accumulate(buffers.begin(), buffers.end(), std::uint64_t{0}));
   checkMeshes(root);
   checkNodes(root);
   elements(root, "cameras");

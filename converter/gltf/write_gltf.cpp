@@ -468,9 +468,10 @@ void Writer::addScene(Json nested) {
   root["scene"] = 0;
   addCameras(root, content_.cameras);
   root["asset"] = {{"version", "2.0"}, {"generator", kGenerator}};
-  const glm::vec3& background = content_.background;
   Json& extras = root["asset"]["extras"][kExtrasKey];
-  extras = {{"intersection", name(model_.intersection)}, {"background", {background.x, background.y, background.z}}};
+  extras = {{"intersection", name(model_.intersection)}};
+  const glm::vec3& background = content_.background;
+  if (content_.knows_background) extras["background"] = {background.x, background.y, background.z};
   if (model_.outside != TextureOutside::base) extras["outside"] = name(model_.outside);
   if (!content_.views.empty()) extras["views"] = listViews(content_.views);
 }
@@ -519,7 +520,9 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
                                       std::string(name(options.atlas)) + ")");
   }
   if (!options.steps || content.model.size() == 0) {
-    return write(path, {content.model, content.cameras, content.background, options, content.views}, binary);
+    return write(path,
+                 {content.model, content.cameras, content.background, options, content.views, content.knows_background},
+                 binary);
   }
   TG_ASSERT(*options.steps >= kLeastSteps && *options.steps <= kMostSteps && !options.gaussians,
             "steps that the formats have, of a model in memory");
@@ -531,9 +534,17 @@ GltfReport writeAs(const std::filesystem::path& path, const GltfContent& content
   });
   GaussianModel ordered = select(content.model, order);
   renameAxesForCoding(ordered);
-  const GaussianModel ordered_base = options.base ? select(*options.base, order) : GaussianModel();
-  if (options.base) options.base = &ordered_base;
-  GltfReport report = write(path, {ordered, content.cameras, content.background, options, content.views}, binary);
+  GaussianModel ordered_base;
+  if (options.base) {
+    // One rotation is written for both, so its axes have one name: those of a Gaussian with a texture stay in both.
+    ordered_base = select(*options.base, order);
+    std::vector<TextureRect> rects = std::exchange(ordered_base.atlas.rects, ordered.atlas.rects);
+    renameAxesForCoding(ordered_base);
+    ordered_base.atlas.rects = std::move(rects);
+    options.base = &ordered_base;
+  }
+  GltfReport report = write(
+      path, {ordered, content.cameras, content.background, options, content.views, content.knows_background}, binary);
   report.order = std::move(order);
   return report;
 }

@@ -56,6 +56,7 @@ struct GltfContent {
   glm::vec3 background{0.0f};
   WriteOptions options = {};
   std::span<const Camera> views = {};  // Bundle's
+  bool knows_background = true;        // false: `background` is not written
 };
 
 struct GltfReport {

@@ -207,7 +207,7 @@ std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reade
   return parseCameras({bytes.begin(), bytes.end()}, lod::besideMeta(scene.path, scene.cameras));
 }
 
-GaussianModel readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader) {
+Bundle readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader, bool base_only) {
   TG_ASSERT(file < scene.files.size(), "a file of the scene");
   const std::string& meta = scene.files[file];
   const std::string folder = meta.substr(0, meta.rfind('/') + 1);  // "" where there is none
@@ -222,7 +222,8 @@ GaussianModel readLodFile(const LodScene& scene, std::uint32_t file, const LodRe
     return reader(folder + name, most);
   };
   const std::uint32_t named = scene.file_counts[file];
-  GaussianModel model = parseSogFiles(files, path, std::max<std::uint32_t>(named, 1)).model;
+  Bundle loaded = parseSogFiles(files, path, std::max<std::uint32_t>(named, 1), base_only);
+  const GaussianModel& model = loaded.model;
   if (model.size() < named) {
     throw Error(ErrorKind::badData, path,
                 "too few Gaussians for what lod-meta.json says" + expectedFound(std::uint64_t{named}, model.size()));
@@ -232,7 +233,7 @@ GaussianModel readLodFile(const LodScene& scene, std::uint32_t file, const LodRe
                 "another SH degree than lod-meta.json says" +
                     expectedFound(std::to_string(*scene.sh_degree), std::to_string(model.sh_degree)));
   }
-  return model;
+  return loaded;
 }
 
 std::vector<std::uint8_t> chooseLevels(const LodScene& scene, const Pinhole& camera, std::uint64_t budget,
@@ -362,11 +363,16 @@ GaussianModel assembleLod(const LodScene& scene, std::span<const std::uint8_t> l
       model.atlas.texels.insert(model.atlas.texels.end(), first, first + rect.texelCount());
       model.atlas.rects.push_back(rect);
     }
-    if (isTextured(from)) {
-      model.texture_mode = from.texture_mode;
-      model.intersection = from.intersection;
-      model.outside = from.outside;
+    if (!isTextured(from)) return;
+    const bool first_textured = model.texture_mode == TextureMode::none;
+    if (!first_textured && (from.intersection != model.intersection || from.outside != model.outside)) {
+      throw Error(ErrorKind::badData, lod::besideMeta(scene.path, scene.files[range.file]),
+                  "another intersection model, or another way for textures to end, than other files have");
     }
+    model.texture_mode =
+        static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(from.texture_mode));
+    model.intersection = from.intersection;
+    model.outside = from.outside;
   });
   if (!textured) model.intersection = scene.intersection;
   return model;

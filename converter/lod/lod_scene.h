@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "converter/lod/split.h"
+#include "core/bundle/bundle.h"
 #include "core/model/camera.h"
 #include "core/model/model.h"
 
@@ -62,8 +63,9 @@ LodScene parseLodScene(std::span<const std::uint8_t> json, const std::string& pa
 LodScene readLodScene(const std::filesystem::path& path);
 // Of scene.cameras; none where the file names none.
 std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reader);
-// A file's Gaussians, at least file_counts[file]. Throws Error(cannotRead / badData).
-GaussianModel readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader);
+// A file's Gaussians, at least file_counts[file], and its warnings; base_only: what readers without textures get.
+// Throws Error(cannotRead / badData).
+Bundle readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader, bool base_only = false);
 
 // ---- A level for every leaf: [leaves]
 
@@ -78,8 +80,8 @@ std::vector<std::uint8_t> sameLevel(const LodScene& scene, int level);
 std::uint64_t countOf(const LodScene& scene, std::span<const std::uint8_t> levels);
 // Ascending, each once.
 std::vector<std::uint32_t> filesOf(const LodScene& scene, std::span<const std::uint8_t> levels);
-// The leaves in their order, out of what readLodFile() gave for filesOf(). One SH degree in all files, else
-// Error(badData).
+// The leaves in their order, out of what readLodFile() gave for filesOf(). One SH degree in all files, one
+// intersection model and one way for textures to end in those with textures, else Error(badData).
 GaussianModel assembleLod(const LodScene& scene, std::span<const std::uint8_t> levels,
                           const std::function<const GaussianModel&(std::uint32_t file)>& file);
 

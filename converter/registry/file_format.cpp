@@ -98,7 +98,7 @@ constexpr const char* kClippedScale = "with a scale above e^88.7, which no float
 template <GltfReport (*write)(const Path&, const GltfContent&)>
 void writeScene(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
   static_cast<GltfReport&>(written) =
-      write(path, {source.model, source.cameras, source.background, options, source.views});
+      write(path, {source.model, source.cameras, source.background, options, source.views, source.knows_background});
   warnRepair(written.warnings, written.clipped_scales, kClippedScale);
   if (written.dropped_source) {
     written.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
@@ -148,19 +148,29 @@ bool isLevels(const FileStart& start) {
   return isJson(start) && (start.holds("\"lodLevels\"") || named);
 }
 
+// What many files of one scene say is said once.
+void addEachOnce(const std::vector<std::string>& some, std::vector<std::string>& warnings) {
+  for (const std::string& warning : some) {
+    if (std::ranges::find(warnings, warning) == warnings.end()) warnings.push_back(warning);
+  }
+}
+
 // The finest level.
 Bundle readLevels(const Path& path, const ReadOptions& options) {
   const LodScene scene = readLodScene(path);
   const LodReader reader = lodFolderReader(path);
   const std::vector<std::uint8_t> levels = sameLevel(scene, 0);
   std::map<std::uint32_t, GaussianModel> files;
+  std::vector<std::string> warnings;
   for (const std::uint32_t file : filesOf(scene, levels)) {
     if (options.progress && options.progress->cancel) throw ReadCancelled();
-    files.emplace(file, readLodFile(scene, file, reader));
+    Bundle read = readLodFile(scene, file, reader, options.base_only);
+    addEachOnce(read.warnings, warnings);
+    files.emplace(file, std::move(read.model));
   }
   Bundle loaded =
       bundleOf(assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
-  if (options.base_only) loaded.model = bakeFallback(loaded.model, FallbackScale::fitted);
+  loaded.warnings = std::move(warnings);
   loaded.cameras = readLodCameras(scene, reader);
   loaded.background = scene.background;
   loaded.knows_background = scene.sh_degree.has_value();  // where it is of ours
@@ -175,7 +185,7 @@ void writeLevels(const Path& path, const Bundle& source, const WriteOptions&, Wr
 }
 
 // The files of all levels.
-void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::vector<std::string>&) {
+void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::vector<std::string>& warnings) {
   const LodScene scene = readLodScene(path);
   const LodReader reader = lodFolderReader(path);
   const auto attempt = [&](const auto& read) {
@@ -185,7 +195,9 @@ void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::v
       errors.emplace_back(error.what());
     }
   };
-  for (std::uint32_t file = 0; file < scene.files.size(); ++file) attempt([&] { readLodFile(scene, file, reader); });
+  for (std::uint32_t file = 0; file < scene.files.size(); ++file) {
+    attempt([&] { addEachOnce(readLodFile(scene, file, reader).warnings, warnings); });
+  }
   attempt([&] { readLodCameras(scene, reader); });
 }
 
@@ -489,6 +501,7 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
   base.cameras = source.cameras;
   base.views = source.views;
   base.background = source.background;
+  base.knows_background = source.knows_background;
   format.write(path, base, options, written);
 }
 

@@ -82,6 +82,8 @@ TEST_CASE("tgconvert looks without writing: null, --stats and --dry-run") {
     CHECK(nlohmann::json::parse(dry.out)["output"]["bytes"] == std::filesystem::file_size(scratch.folder() / name));
   }
   CHECK(readModel(scratch.folder() / "a.spz").model.size() == 50);
+  writeSplatPly(scratch.folder() / "none.ply", GaussianModel());
+  CHECK(tgconvert(scratch, "none.ply a.sog --dry-run").err == "tgconvert: a.sog: the model has no Gaussians\n");
 }
 
 TEST_CASE("a signal ends tgconvert with nothing half written, and one that it was started to ignore does not") {
@@ -132,6 +134,19 @@ TEST_CASE("the option --for knows its viewers, and the formats that they read") 
   }
   writeGlb(scratch.folder() / "textured.glb",
            {test::makeScene(test::SceneKind::ordinary, 47, 10).model, {}, glm::vec3(0.0f)});
+  // It is fitted to the cameras also where they are not written.
+  Bundle seen;
+  seen.model = randomSplats(1, 10, 3.0, 46);
+  seen.cameras.assign(9, lookAt({0, 0, -9}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
+  writeBundle(scratch.folder() / "seen.tgz", seen);
+  const auto fitted = [&](const std::string& more) {
+    return nlohmann::json::parse(
+        tgconvert(scratch, "seen.tgz seen.glb --overwrite --for three --json" + more).out)["for"];
+  };
+  const nlohmann::json without = fitted(" --no-cameras");
+  CHECK(readModel(scratch.folder() / "seen.glb").cameras.empty());
+  CHECK(fitted("") == without);
+  CHECK(readModel(scratch.folder() / "seen.glb").cameras.size() == 9);
   const Result lost = tgconvert(scratch, "textured.glb out.splat --for three --no-psnr");
   CHECK(lost.code == 0);
   CHECK(lost.err.find(" holds no textures: ") != std::string::npos);
@@ -487,9 +502,10 @@ TEST_CASE("options that do nothing for what is written or read are refused") {
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 45));
   for (const std::string arguments :
        {"in.ply a.ply --quantize", "in.ply a.sog --meshopt", "in.ply a.spz --lean", "in.ply a.splat --atlas png16",
-        "in.ply a.ply --steps 2", "in.ply a.tgz --target-size 1KB", "in.ply a.tgz --texture-step 0.1",
-        "in.ply a.glb --spz-version 3", "in.ply a.glb --spz-axes rdf", "in.ply a.glb --base-only",
-        "in.ply a.ply --views none.json", "in.ply a.glb --to glb", "in.ply .compressed.ply", "in.ply .glb"}) {
+        "in.ply a.ply --steps 2", "in.ply a.png --psnr", "in.ply a.tgz --target-size 1KB",
+        "in.ply a.tgz --texture-step 0.1", "in.ply a.glb --spz-version 3", "in.ply a.glb --spz-axes rdf",
+        "in.ply a.glb --base-only", "in.ply a.ply --views none.json", "in.ply a.glb --to glb", "in.ply .compressed.ply",
+        "in.ply .glb"}) {
     CAPTURE(arguments);
     const Result refused = tgconvert(scratch, arguments);
     CHECK(refused.code == 1);
@@ -674,6 +690,9 @@ TEST_CASE("an edited model says so of its scores, and a merged one takes the bac
   writeBundle(scratch.folder() / "blue.tgz", bundle);
   REQUIRE(tgconvert(scratch, "b.ply a.tgz both.tgz").code == 0);
   CHECK(readModel(scratch.folder() / "both.tgz").background == glm::vec3(1.0f));
+  REQUIRE(tgconvert(scratch, "b.ply b.glb").code == 0);  // which does not know more
+  REQUIRE(tgconvert(scratch, "b.glb a.tgz both.glb").code == 0);
+  CHECK(readModel(scratch.folder() / "both.glb").background == glm::vec3(1.0f));
   const Result two = tgconvert(scratch, "a.tgz blue.tgz two.tgz");
   CHECK(two.err.find("blue.tgz: another background, left aside (0, 0, 1 beside 1, 1, 1)") != std::string::npos);
   CHECK(readModel(scratch.folder() / "two.tgz").background == glm::vec3(1.0f));

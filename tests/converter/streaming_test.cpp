@@ -90,7 +90,7 @@ TEST_CASE("a PLY becomes the same GLB block by block as from memory, byte for by
         CAPTURE(degree, lean, quantize);
         const ConvertReport report =
             convert(ply, streamed, {.overwrite = true, .measure = Measure::never, .lean = lean, .quantize = quantize});
-        GltfContent content = {model, {}};
+        GltfContent content = {.model = model, .cameras = {}, .knows_background = false};
         content.options.lean = lean;
         content.options.quantize = quantize;
         writeGlb(whole, content);
@@ -104,7 +104,7 @@ TEST_CASE("a PLY becomes the same GLB block by block as from memory, byte for by
       }
     }
     convert(ply, scratch.folder() / "a.gltf", {.overwrite = true});
-    writeGltf(scratch.folder() / "b.gltf", {model, {}});
+    writeGltf(scratch.folder() / "b.gltf", {.model = model, .cameras = {}, .knows_background = false});
     CHECK(Glb::slurp(scratch.folder() / "a.bin") == Glb::slurp(scratch.folder() / "b.bin"));
   }
   Glb glb = Glb::read(streamed);
@@ -137,7 +137,7 @@ TEST_CASE("a PLY with a broken value is converted without that splat, as it woul
     CHECK(report.warnings == std::vector<std::string>{"1 splats with values that are not finite: dropped"});
     CHECK(filesIn(scratch.folder()) == (dry_run ? 1 : 2));
   }
-  writeGlb(scratch.folder() / "whole.glb", {readModel(ply).model, {}});
+  writeGlb(scratch.folder() / "whole.glb", {.model = readModel(ply).model, .cameras = {}, .knows_background = false});
   CHECK(Glb::slurp(out) == Glb::slurp(scratch.folder() / "whole.glb"));
   for (glm::vec3& mean : model.mean) mean.x = INFINITY;
   write();

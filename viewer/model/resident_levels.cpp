@@ -89,7 +89,7 @@ GaussianModel ResidentLevels::readFile(std::uint32_t file) {
     bytes_read_ += bytes.size();
     return bytes;
   };
-  return readLodFile(scene_, file, counted);
+  return readLodFile(scene_, file, counted).model;
 }
 
 void ResidentLevels::read(std::uint32_t file, std::span<const std::uint8_t> wanted) {

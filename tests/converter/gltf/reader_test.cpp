@@ -90,6 +90,15 @@ TEST_CASE("quantised and interleaved attributes are read as their floats") {
     glb.setAttribute(kKhr + "SCALE", scales, 5126, "VEC3", false, n);
     for (const glm::vec3& s : read().log_scale) CHECK(s.x == Approx(std::log(0.25)).margin(1e-6));
   }
+  SECTION("images may not take the same bytes time and again") {
+    glb.setAttribute("_BYTES", std::vector<std::uint8_t>(1 << 20), 5121, "SCALAR", false, n);
+    const nlohmann::json image = {{"bufferView", glb.json["bufferViews"].size() - 1}, {"mimeType", "image/png"}};
+    glb.json["images"] = std::vector<nlohmann::json>(60, image);
+    CHECK(read().size() == n);
+    glb.json["images"] = std::vector<nlohmann::json>(70, image);
+    CHECK_THAT(test::messageOf([&] { read(); }, ErrorKind::badData),
+               Contains("/images/64") && Contains("more than the buffers hold"));
+  }
   SECTION("a background that is none is told, and is not known") {
     nlohmann::json& extras = glb.json["asset"]["extras"]["textured_gaussians"];
     extras["background"] = {1e300, 0, 0};

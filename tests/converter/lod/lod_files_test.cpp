@@ -83,6 +83,7 @@ TEST_CASE("levels of detail: level 0 of one leaf has the numbers of a plain SOG"
     CHECK(out.cameras == in.cameras);
     CHECK(out.background == in.background);
     CHECK(out.format == "lod-meta.json");
+    CHECK(readModel(path, {.base_only = true}).model == readModel(sog, {.base_only = true}).model);
   }
 }
 
@@ -105,6 +106,21 @@ TEST_CASE("levels of detail: a bright background and a mean beyond all others ar
   const Bundle foreign = readModel(path);
   CHECK(foreign.model.size() == in.model.size());
   CHECK_FALSE(foreign.knows_background);
+}
+
+TEST_CASE("levels of detail: what each file warns of is told once") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  writeLod(path, trained(1000, false), kSmall);
+  CHECK(readModel(path).warnings.empty());
+  for (const std::string& file : readLodScene(path).files) {
+    nlohmann::json meta = nlohmann::json::parse(readFile(scratch.folder() / file, 1 << 20));
+    meta["antialias"] = true;
+    scratch.write(file, meta.dump());
+  }
+  const std::vector<std::string> warnings = readModel(path).warnings;
+  REQUIRE(warnings.size() == 1);
+  CHECK(warnings.front().find("antialiasing") != std::string::npos);
 }
 
 TEST_CASE("levels of detail: every leaf is in every level, with a quarter of the Gaussians of the one before") {
@@ -223,10 +239,12 @@ TEST_CASE("levels of detail: any mix of levels is put together in the tree's ord
     }
     std::map<std::uint32_t, GaussianModel> files;
     for (const std::uint32_t file : filesOf(scene, levels)) {
-      files[file] = readLodFile(scene, file, lodFolderReader(path));
+      files[file] = readLodFile(scene, file, lodFolderReader(path)).model;
     }
-    const GaussianModel mixed =
-        assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); });
+    const auto assemble = [&] {
+      return assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); });
+    };
+    const GaussianModel mixed = assemble();
     CHECK(mixed.size() == countOf(scene, levels));
     CHECK(lengthsAgree(mixed));
     std::size_t at = 0;
@@ -244,6 +262,13 @@ TEST_CASE("levels of detail: any mix of levels is put together in the tree's ord
         }
       }
     }
+    if (!textured) continue;
+    REQUIRE(files.size() > 1);
+    GaussianModel& one = files.begin()->second;
+    for (auto& [file, model] : files) model.texture_mode = &model == &one ? TextureMode::alpha : TextureMode::rgb;
+    CHECK(assemble().texture_mode == TextureMode::rgba);
+    one.intersection = IntersectionModel::plane;
+    CHECK(test::messageOf(assemble).find("another intersection model") != std::string::npos);
   }
 }
 
@@ -286,8 +311,8 @@ TEST_CASE("levels of detail: a broken file of a scene is said in one line, and t
   CHECK(said(ErrorKind::badData).find("meta.json") != std::string::npos);
   fs::remove(meta);
   CHECK(said(ErrorKind::cannotRead).find("meta.json") != std::string::npos);
-  CHECK(readLodFile(scene, 0, reader).size() == scene.file_counts[0]);
-  CHECK(readLodFile(scene, 2, reader).size() == scene.file_counts[2]);
+  CHECK(readLodFile(scene, 0, reader).model.size() == scene.file_counts[0]);
+  CHECK(readLodFile(scene, 2, reader).model.size() == scene.file_counts[2]);
 }
 
 TEST_CASE("levels of detail: a file that holds more or less than lod-meta.json says is refused") {

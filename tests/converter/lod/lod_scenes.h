@@ -44,6 +44,6 @@ inline tg::GaussianModel wholeLevel(const std::filesystem::path& path, int level
   const tg::LodReader reader = tg::lodFolderReader(path);
   const std::vector<std::uint8_t> levels = tg::sameLevel(scene, level);
   std::vector<tg::GaussianModel> files(scene.files.size());
-  for (const std::uint32_t file : tg::filesOf(scene, levels)) files[file] = tg::readLodFile(scene, file, reader);
+  for (const std::uint32_t file : tg::filesOf(scene, levels)) files[file] = tg::readLodFile(scene, file, reader).model;
   return tg::assembleLod(scene, levels, [&](std::uint32_t file) -> const tg::GaussianModel& { return files[file]; });
 }
