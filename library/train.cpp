@@ -11,14 +11,24 @@
 namespace textured_gaussians {
 namespace {
 
-tg::TrainSettings settingsOf(const TrainOptions& options) {
+tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Model>& start) {
   tg::TrainSettings settings = tg::presetSettings(options.preset);
+  const auto names = [&](std::string_view setting) {
+    return std::ranges::any_of(options.settings, [&](const auto& named) { return named.first == setting; });
+  };
   for (const auto& [name, value] : options.settings) {
     const auto entry = std::ranges::find(tg::settingEntries(), name, &tg::SettingEntry::name);
     if (entry == tg::settingEntries().end()) {
       throw tg::Error(tg::ErrorKind::usage, name, "no such setting (docs/training.md has them)");
     }
     entry->set(settings, value);
+  }
+  // As tgtrain has it: what is named goes over what the preset or the start model says.
+  if (names("percent") && !names("gaussians") && settings.percent > 0) settings.gaussians = 0;
+  if (names("gaussians") && !names("percent") && settings.gaussians > 0) settings.percent = 0;
+  if (start && !names("intersection")) {
+    const tg::GaussianModel& model = Access::bundle(*start)->model;
+    if (!tg::isTextured(model)) settings.intersection = model.intersection;
   }
   tg::checkSettings(settings);
   if (settings.quantize_iterations > 0) {
@@ -36,7 +46,7 @@ std::optional<tg::GaussianModel> startOf(const std::optional<Model>& start) {
 
 struct Trainer::Parts {
   Parts(const Dataset& dataset, const TrainOptions& options, const std::optional<Model>& start)
-      : data(Access::dataset(dataset)), trainer(*data, settingsOf(options), *renderer, startOf(start)) {}
+      : data(Access::dataset(dataset)), trainer(*data, settingsOf(options, start), *renderer, startOf(start)) {}
 
   std::shared_ptr<const tg::Dataset> data;
   std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::makeCpuDifferentiableRenderer();

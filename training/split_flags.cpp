@@ -72,7 +72,8 @@ void refuseOwn(const std::vector<std::string>& flags, bool by_memory) {
       throw Error(ErrorKind::usage, "--train: " + name + " is for one file (expected it of tgconvert, for the whole)");
     }
     if (name == "--gaussians" || name == "--percent" || name == "--test-every" || name == "--context" ||
-        name == "--layout" || (by_memory && name == "--image-memory")) {
+        name == "--layout" || name == "--points" || name == "--start-model" ||
+        (by_memory && name == "--image-memory")) {
       throw Error(ErrorKind::usage, "--train: " + name + " is split's own to choose (expected without it)");
     }
   }

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <utility>
 
+#include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
@@ -86,6 +87,14 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
     const bool chosen = !setting.second.empty() && (by_flag || entry.get(settings) != entry.get(preset));
     return chosen && named(std::string_view(entry.name));
   });
+}
+
+// A plain start model is drawn as it was trained, unless a flag names another intersection.
+void followStart(const TrainFlags& options, const GaussianModel* start, TrainSettings& settings) {
+  if (!start || isTextured(*start)) return;
+  if (!given(options, settings, [](std::string_view name) { return name == "intersection"; })) {
+    settings.intersection = start->intersection;
+  }
 }
 
 // What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md,
@@ -235,6 +244,10 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
       }
     }
     const fs::path& run = options.run.folder;
+    for (const std::string& input : {options.start_model, options.context}) {  // which --resume would read again
+      if (run.empty() || input.empty() || placeOf(path) != placeOf(input)) continue;
+      throw Error(ErrorKind::usage, path, "is what training starts from (expected another name with a run folder)");
+    }
     for (const char* own :
          {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json", "live.tgz", "live.json", "control", "previews"}) {
       if (run.empty() || placeOf(path) != placeOf(run / own)) continue;
@@ -268,6 +281,7 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
   }
   std::optional<Bundle> start = startModel(options);
   const GaussianModel* model = start ? &start->model : nullptr;
+  followStart(options, model, settings);
   if (options.target_bytes > 0) planSize(options, 0, model, !together, settings);
   planQuantizing(options, model, settings);
   checkTrainable(settings, model, !together);
@@ -380,6 +394,7 @@ int train(const TrainFlags& options, Processes* together) {
     start_bundle.reset();
   }
   TrainSettings settings = settingsOf(options);
+  followStart(options, start_model ? &*start_model : nullptr, settings);
   if (options.target_bytes > 0) {
     const std::string said =
         planSize(options, trainingPixels(dataset), start_model ? &*start_model : nullptr, !together, settings);
@@ -391,6 +406,12 @@ int train(const TrainFlags& options, Processes* together) {
     json_options.fingerprint = datasetFingerprint(dataset);
     state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, json_options, &stop_requested,
                         quantizedFor(options), context ? &*context : nullptr});
+    const float steps = state ? state->file_steps : 0;
+    if (steps != 0 && !(steps >= kLeastSteps && steps <= kMostSteps)) {
+      throw Error(ErrorKind::badData, run->checkpoint().string(),
+                  "file_steps: expected " + numberText(kLeastSteps) + " to " + numberText(kMostSteps) + ", found " +
+                      numberText(steps));
+    }
     if (options.run.resume && !state && !options.quiet) {
       std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
     }

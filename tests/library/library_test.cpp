@@ -284,6 +284,8 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
         "quantize-iterations: is for a file that tgtrain writes (expected 0)");
   CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Contains("iterations"));
   CHECK_THAT(refused({.preset = "best"}), Contains("best"));
+  // The preset's limit gives way to the share that is named.
+  CHECK_NOTHROW(Trainer(dataset, {.preset = "quick", .settings = {{"percent", "50"}, {"default-gaussians", "100"}}}));
   CHECK_THAT(messageOf([&] { setThreads(-1); }, ErrorKind::usage), Contains("found -1"));
   CHECK_THAT(messageOf([&] { Dataset::load(folder / "none"); }, ErrorKind::cannotRead), Contains("none"));
   CHECK_THAT(messageOf([&] { Dataset::load(folder / "scene", {.downscale = 0}); }, ErrorKind::usage),

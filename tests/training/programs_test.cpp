@@ -363,6 +363,25 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
   }
 }
 
+TEST_CASE("a plain start model keeps its intersection, and test views are scored without the others", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string none = " --texture-iterations 0 -q --iterations ";
+  REQUIRE(tgtrain(folder, "scene -o plane.tgz --intersection plane" + none + "2").code == 0);
+  REQUIRE(tgtrain(folder, "scene -o same.tgz --start-model plane.tgz" + none + "0").code == 0);
+  REQUIRE(tgtrain(folder, "scene -o other.tgz --start-model plane.tgz --intersection maxResponse" + none + "0").code ==
+          0);
+  CHECK(tg::readBundle(folder / "same.tgz").model.intersection == tg::IntersectionModel::plane);
+  CHECK(tg::readBundle(folder / "other.tgz").model.intersection == tg::IntersectionModel::maxResponse);
+  // --resume would read it again.
+  CHECK_THAT(tgtrain(folder, "scene --run r --overwrite --start-model same.tgz -o r/../same.tgz" + none + "0").output,
+             Contains("is what training starts from"));
+  const std::string scored = tgeval(folder, "same.tgz scene").output;
+  fs::remove_all(folder / "scene/train");
+  CHECK_THAT(tgeval(folder, "same.tgz scene").output, Contains("4 of 6 listed images are missing") && Contains(scored));
+  CHECK_THAT(tgtrain(folder, "scene -o no.tgz").output, Contains("no image of the training split exists"));
+}
+
 TEST_CASE("what is missing is named, and nothing else", "[programs]") {
   const tg::TemporaryFolder folder;
   for (const auto& [arguments, message] : std::initializer_list<std::pair<std::string, std::string>>{

@@ -38,6 +38,8 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   for (const auto& [train, why] : std::initializer_list<std::pair<std::string, std::string>>{
            {"--no-such 3", "--no-such"},
            {"--layout colmap", "--layout is split's own to choose"},
+           {"--points p.ply", "--points is split's own to choose"},
+           {"--start-model m.tgz", "--start-model is split's own to choose"},
            {"elsewhere", "elsewhere: is no flag"},
            {"--iterations many", "--iterations"}}) {
     const Outcome refused = program(folder, TG_TGTRAIN, "split city no --blocks 2x1 --train '" + train + "'");

@@ -511,7 +511,9 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     const std::set<std::string> chosen(block->views.begin(), block->views.end());
     std::erase_if(index.entries, [&](const DatasetIndex::Entry& entry) { return !chosen.contains(entry.listed); });
   }
-  if (index.entries.empty() || index.entries.front().camera.test) {
+  const bool trains = !index.entries.empty() && !index.entries.front().camera.test;
+  const bool test_alone = options.only_test.value_or(false) && index.has_split && !index.entries.empty();
+  if (!trains && !test_alone) {
     throw Error(ErrorKind::badData, place.string(), "no image of the training split exists");
   }
 
@@ -531,10 +533,13 @@ double cameraExtent(const Dataset& dataset) {
   const std::vector<std::size_t> train = dataset.indices(false);
   glm::dvec3 mean(0.0);
   for (std::size_t i : train) mean += dataset.views[i].position() / static_cast<double>(train.size());
-  double radius = 0;
-  for (std::size_t i : train) radius = std::max(radius, glm::length(dataset.views[i].position() - mean));
-  // One camera, or several at one place, span nothing: fall back to the unit of the world.
-  return radius > 0 ? 1.1 * radius : 1.0;
+  double radius = 0, farthest = 0;
+  for (std::size_t i : train) {
+    radius = std::max(radius, glm::length(dataset.views[i].position() - mean));
+    farthest = std::max(farthest, glm::length(dataset.views[i].position()));
+  }
+  // One camera, or several at one place but for rounding, span nothing: fall back to the unit of the world.
+  return radius > 1e-9 * farthest ? 1.1 * radius : 1.0;
 }
 
 double sceneExtent(const Dataset& dataset, double distances) {

@@ -192,7 +192,9 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
   const std::set<std::string> train_files = fileList(top, folder, "train_filenames");
   std::set<std::string> test_files = fileList(top, folder, "test_filenames");
   if (test_files.empty()) test_files = fileList(top, folder, "val_filenames");
-  index.has_split |= !test_files.empty();
+  const auto holdsArray = [&](const char* key) { return top.value.contains(key) && top.value.at(key).is_array(); };
+  const bool none_held_out = !train_files.empty() && (holdsArray("test_filenames") || holdsArray("val_filenames"));
+  index.has_split |= none_held_out || !test_files.empty();
   for (std::size_t i = 0; i < frames->size(); ++i) {
     const JsonNode frame{(*frames)[i], top.path, "frame " + std::to_string(i)};
     if (!frame.value.is_object()) frame.fail("expected an object");

@@ -339,6 +339,23 @@ void visitHeader(Archive& archive, Is<CheckpointHeader> auto& header) {
   archive.value("run.metrics_bytes", metrics_bytes);
 }
 
+// What firstOfGroups() expects: numbers in order of first appearance, textures of one size in each.
+void checkGroups(const TextureAtlas& atlas, std::span<const std::uint32_t> groups, std::size_t count, const auto& fail,
+                 const auto& expect) {
+  expect("texture_groups", groups.size(), count);
+  expect("texture_groups: textures", atlas.rects.size(), count);
+  std::vector<TextureRect> sizes;
+  for (std::size_t i = 0; i < count; ++i) {
+    const TextureRect& rect = atlas.rects[i];
+    if (groups[i] > sizes.size()) fail("texture_groups: a group of more than there are");
+    if (groups[i] == sizes.size()) sizes.push_back(rect);
+    const TextureRect& size = sizes[groups[i]];
+    if (rect.width != size.width || rect.height != size.height) {
+      fail("texture_groups: textures of two sizes in one group");
+    }
+  }
+}
+
 // The promises that sizes keep, which the trainer relies on.
 void checkState(const RunState& state, const std::string& path) {
   const auto fail = [&](const std::string& what) { throw Error(ErrorKind::badData, path, what); };
@@ -361,13 +378,13 @@ void checkState(const RunState& state, const std::string& path) {
         expect(name.c_str(), moments.second.size(), values.size() * field.floats);
       },
       training.model, training.moments);
-  if (training.step < 0) fail("training.step: expected 0 or more, found " + std::to_string(training.step));
+  constexpr std::int64_t kMostTrained = std::int64_t{1} << 40;  // of every stage together
+  if (training.step < 0 || training.step > kMostTrained) {
+    fail("training.step: expected 0 to " + std::to_string(kMostTrained) + ", found " + std::to_string(training.step));
+  }
   if (!state.min_sigma.empty()) expect("min_sigma", state.min_sigma.size(), count);
   if (state.texture_groups && !state.texture_groups->empty()) {
-    expect("texture_groups", state.texture_groups->size(), count);
-    for (const std::uint32_t group : *state.texture_groups) {
-      if (group >= count) fail("texture_groups: a group of more than there are");
-    }
+    checkGroups(training.model.atlas, *state.texture_groups, count, fail, expect);
   }
   expect("statistics.score_sum", state.statistics.score_sum.size(), count);
   expect("statistics.magnitude_sum", state.statistics.magnitude_sum.size(), count);
@@ -453,6 +470,24 @@ std::string exactText(Number value) {
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
 }
 
+bool isReachable(const RunState& state, const TrainSettings& settings) {
+  const bool textured = state.training.model.texture_mode != TextureMode::none;
+  switch (state.stage) {
+    case Stage::count:
+      return !textured && settings.percent > 0 && settings.default_gaussians == 0;
+    case Stage::plain:
+      return !textured;
+    case Stage::textured:
+      return textured && settings.texture_mode != TextureMode::none &&
+             (!settings.compare_untextured || state.untextured_start.size() > 0);
+    case Stage::untextured:
+      return !textured && settings.compare_untextured && state.textured.size() > 0;
+    case Stage::quantized:
+      return settings.quantize_iterations > 0;
+  }
+  return false;
+}
+
 }  // namespace
 
 RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, const std::string& fingerprint,
@@ -526,6 +561,10 @@ void checkResumable(const Checkpoint& checkpoint, const RunIdentity& identity, c
   if (!data.empty()) throw Error(ErrorKind::usage, path, "is of a run with other data: " + data);
 
   const RunState& state = checkpoint.state;
+  if (!isReachable(state, settings)) {
+    throw Error(ErrorKind::badData, path,
+                "stage: no run with these settings is at \"" + std::string(name(state.stage)) + "\" with such a model");
+  }
   const int iterations = iterationsOf(settings, state.stage);
   if (state.iteration < 0 || state.iteration > iterations) {
     throw Error(

@@ -616,6 +616,8 @@ TEST_CASE("nerfstudio's lists say what is trained, what is held out and what is 
   json["val_filenames"] = nullptr;
   json.erase("test_filenames");
   CHECK(views() == "c.png test b.png ");  // every 8th of what is listed
+  json["test_filenames"] = Json::array();
+  CHECK(views() == "b.png c.png ");
   json["test_filenames"] = {"images/f.png"};
   writeText(folder / "transforms.json", json.dump());
   CHECK_THAT(refusal(folder.path), Contains("held out names none of the 4 frames"));
@@ -684,6 +686,13 @@ TEST_CASE("the extent is 1.1 times the largest distance from the training camera
     dataset.views.push_back(camera);
   }
   CHECK(tg::cameraExtent(dataset) == Approx(3.3));
+  tg::Dataset panorama = dataset;
+  for (std::size_t i = 0; i < panorama.views.size(); ++i) {
+    const double angle = 0.7 * static_cast<double>(i);
+    const glm::dvec3 eye(0.1, 0.2, 0.3), to(std::cos(angle), 0.1, std::sin(angle));
+    panorama.views[i] = tg::lookAt(eye, eye + to, {0, -1, 0}, 0.8, 64, 48);
+  }
+  CHECK(tg::cameraExtent(panorama) == 1.0);  // but for rounding at one place
 }
 
 TEST_CASE("the extent of a scene is bounded by how near its points are seen", "[dataset]") {

@@ -69,7 +69,8 @@ tg::RunState richState(const tg::Dataset& dataset, tg::DifferentiableRenderer& r
   state.untextured_start = state.training.model;
   state.report.count = state.report.quantized = state.report.plain;
   state.file_steps = 2.5f;
-  state.texture_groups = std::vector<std::uint32_t>(state.training.model.size(), 1);
+  state.texture_groups = std::vector<std::uint32_t>(state.training.model.size(), 0);
+  state.training.model.atlas.rects.resize(state.training.model.size());
   return state;
 }
 
@@ -155,13 +156,14 @@ TEST_CASE("a checkpoint comes back as it was written", "[checkpoint]") {
   REQUIRE(read.state.report.textured);
   CHECK(read.state.report.textured->test->psnr == state.report.textured->test->psnr);
   CHECK(bytesOf(folder, read.state, read.header) == bytes);
-  // Every member is there: no array of this state is empty but the moments of texels, which this stage has not.
+  // Every member is there: no array of this state is empty but texels and their moments, which this stage has not.
   for (const Block& block : blocksOf(bytes)) {
     INFO(block.name);
-    const bool textureless = block.name.starts_with("training.") || block.name.starts_with("untextured_start.");
+    const bool start = block.name.starts_with("untextured_start.");
+    const bool textureless = start || block.name.starts_with("training.");
     const bool empty = block.end - block.content == 4;
-    CHECK(empty == (block.name == "end" || (textureless && (block.name.find("texels") != std::string::npos ||
-                                                            block.name.find("rects") != std::string::npos))));
+    CHECK(empty == (block.name == "end" || (textureless && block.name.find("texels") != std::string::npos) ||
+                    (start && block.name.find("rects") != std::string::npos)));
   }
 }
 
@@ -294,6 +296,17 @@ TEST_CASE("what a checkpoint says is checked even where its checksums are right"
   std::vector<std::uint32_t> groups(state.training.model.size(), 0);
   groups.back() = static_cast<std::uint32_t>(groups.size());
   CHECK_THAT(refused("texture_groups", asBytes(groups)), Contains("texture_groups: a group of more than there are"));
+  std::ranges::fill(groups, 0);
+  groups.front() = 1;  // before 0
+  CHECK_THAT(refused("texture_groups", asBytes(groups)), Contains("texture_groups: a group of more than there are"));
+  tg::RunState two_sizes = state;
+  two_sizes.training.model.atlas.rects.front() = {0, 1, 1};
+  two_sizes.training.model.atlas.texels.resize(1);
+  two_sizes.training.moments.texels.first.resize(4);
+  two_sizes.training.moments.texels.second.resize(4);
+  CHECK_THAT(refusal(bytesOf(folder, two_sizes)), Contains("texture_groups: textures of two sizes in one group"));
+  CHECK_THAT(refused("training.step", asBytes<std::int64_t>({std::numeric_limits<std::int64_t>::max()})),
+             Contains("training.step: expected 0 to"));
   CHECK_THAT(refused("order.position", asBytes<std::uint32_t>({5})), Contains("order.position"));
   CHECK_THAT(refused("default_gaussians", asBytes<std::uint64_t>({~std::uint64_t{0}})), Contains("default_gaussians"));
   std::vector<float> opacity = state.training.model.opacity_logit;
@@ -328,6 +341,13 @@ TEST_CASE("a checkpoint of other settings or data is refused by the first differ
     tg::checkResumable(checkpoint, tg::runIdentity(data, other, tg::datasetFingerprint(data)), data, other, "c");
   };
   CHECK_NOTHROW(check(dataset, settings));
+  for (const tg::Stage stage : {tg::Stage::count, tg::Stage::textured, tg::Stage::untextured, tg::Stage::quantized}) {
+    tg::Stage& at = checkpoint.state.stage;
+    const tg::Stage before = std::exchange(at, stage);
+    INFO(tg::name(stage));
+    CHECK_THROWS_WITH(check(dataset, settings), Contains("c: stage: no run with these settings is at"));
+    at = before;
+  }
 
   tg::TrainSettings other = settings;
   other.rate_sh_dc = 0.5f;
