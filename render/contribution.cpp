@@ -33,7 +33,8 @@ std::vector<Projected> project(const GaussianModel& model, const Camera& camera,
     const float opacity = sigmoidf(model.opacity_logit[i]);
     const float radius = visibleRadius(opacity);
     if (!(mean.z > near && radius > 0.0f)) continue;
-    const glm::vec3 scale = glm::exp(model.log_scale[i]);
+    glm::vec3 scale = glm::exp(model.log_scale[i]);
+    scale = glm::max(scale, glm::vec3(kThinnest * glm::max(scale.x, glm::max(scale.y, scale.z))));  // as it is drawn
     const int c = shortestAxis(scale);
     const glm::ivec3 order(axisU(c), axisV(c), c);
     const glm::mat3 axes = rotation * rotationFromQuaternion(model.rotation[i]);

@@ -28,6 +28,7 @@ layout(std430, binding = 5) writeonly buffer Records { SplatRecord records[]; };
 layout(std430, binding = 6) writeonly buffer PixelRects { uvec2 pixel_rects[]; };  // [N] x0 | y0 << 16, x1 | y1 << 16
 layout(std430, binding = 7) writeonly buffer TileCounts { uint tile_counts[]; };   // [N] 0: culled
 
+const float kColourMax = 3.4e38;
 const float kBoxMargin = 1.0 / 64.0;  // [px] more than rounding moves a box that matters
 
 vec3 baseColour(uint i, vec3 dir) {
@@ -43,7 +44,7 @@ vec3 baseColour(uint i, vec3 dir) {
     colour += vec3(dot(weights, FETCH_SH(at)), dot(weights, FETCH_SH(at + 1)),
                    dot(weights, FETCH_SH(at + 2)));
   }
-  return max(colour, vec3(0.0));
+  return colour;
 }
 
 // The pixels whose centres lie in `box` [px]: x0, y0, x1, y1, ends inclusive. False: none.
@@ -89,8 +90,10 @@ void main() {
   uvec4 pixels;
   if (kShape != kShapeCenters && !pixelsOfBox(box, pixels)) return;
 
-  vec3 dir = normalize(fromCamera(g.mean));
-  Splat splat = makeSplat(g.mean_c, g.axes_c, g.scale, view.focal_center, g.opacity, baseColour(i, dir));
+  vec3 colour = baseColour(i, normalize(fromCamera(g.mean)));
+  // What float cannot hold is not drawn: where a splat has no weight it would leave no number.
+  if (!(colour.x + colour.y + colour.z < kColourMax)) return;
+  Splat splat = makeSplat(g.mean_c, g.axes_c, g.scale, view.focal_center, g.opacity, max(colour, vec3(0.0)));
   uint size = FETCH_UINT(texture_size, i);
   splat.dy_offset.w = uintBitsToFloat(FETCH(scale_offset, i).w);
   splat.d0_size.w = uintBitsToFloat(size);

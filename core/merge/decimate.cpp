@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <span>
 #include <utility>
@@ -158,12 +159,14 @@ class PairMerger {
         (x.mass * areaOf(boundedSigma(model_, a)) + y.mass * areaOf(boundedSigma(model_, b))) / whole.mass;
     const double growth = std::log(std::max(area / std::max(parts, kLeastVariance), 1.0));
     const std::size_t count = model_.shCount();
-    const glm::dvec3 color =
-        double{kShC0} * glm::dvec3(model_.sh[a * count] - model_.sh[b * count]) + glm::dvec3(means_[a] - means_[b]);
+    // Of doubles: what floats hold may differ by more than they do.
+    const glm::dvec3 color = double{kShC0} * (glm::dvec3(model_.sh[a * count]) - glm::dvec3(model_.sh[b * count])) +
+                             glm::dvec3(means_[a]) - glm::dvec3(means_[b]);
     const double sum = weights_[a] + weights_[b];
     const double weight = sum > 0.0 ? weights_[a] * weights_[b] / sum : 0.0;
     const double difference = glm::dot(color, color) + kTexturePart * (contrast_[a] + contrast_[b]);
-    return weight * (growth + kColorPart * difference) + kUnseenPart * growth;
+    const double cost = weight * (growth + kColorPart * difference) + kUnseenPart * growth;
+    return std::isfinite(cost) ? cost : std::numeric_limits<double>::max();  // pairs are sorted by it
   }
 
   // Into the place of pair.a; select() puts texels in order again.

@@ -102,9 +102,14 @@ GLuint GlBuffer::texture(Texels format) const {
   }
   GLuint texture = 0;
   glCreateTextures(GL_TEXTURE_BUFFER, 1, &texture);
-  textures_.emplace_back(format, texture);
   glTextureBuffer(texture, texels.internal, buffer_);
-  checkGl(device_, label_);
+  try {
+    checkGl(device_, label_);
+    textures_.emplace_back(format, texture);
+  } catch (...) {  // without storage it would be empty in each frame to come
+    glDeleteTextures(1, &texture);
+    throw;
+  }
   return texture;
 }
 

@@ -152,9 +152,17 @@ int GpuRenderer::rowsAtOnce(const Camera& camera) const {
 }
 
 bool GpuRenderer::draw(const FrameRequest& request) {
-  const Recording recording = prepareFrame(request);
-  device_->run(recording.program, recording.view);
+  run(prepareFrame(request));
   return finishFrame();
+}
+
+void GpuRenderer::run(const Recording& recording) {
+  try {
+    device_->run(recording.program, recording.view);
+  } catch (...) {  // it counts on a recording that was not executed
+    program_.reset();
+    throw;
+  }
 }
 
 void drawWhole(const std::function<bool()>& draw) {
@@ -230,8 +238,7 @@ void GpuRenderer::checkFrame(const Camera& camera, const RenderSettings& setting
 
 void GpuRenderer::drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant) {
   do {
-    const Recording recording = prepare(camera, settings, variant);
-    device_->run(recording.program, recording.view);
+    run(prepare(camera, settings, variant));
   } while (!finishFrame());
 }
 

@@ -78,6 +78,7 @@ class GpuRenderer : public Renderer {
   FrameVariant variantOf(const RenderSettings& settings, FrameVariant variant) const;
   Frame renderBands(const Camera& camera, const RenderSettings& settings, int rows);
   void checkFrame(const Camera& camera, const RenderSettings& settings) const;
+  void run(const Recording& recording);
   void drawOutputs(const Camera& camera, const RenderSettings& settings, const FrameVariant& variant);
   void fitImage(const Camera& camera);
   Recording prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,

@@ -409,7 +409,7 @@ TEST_CASE("parameters at the ends of what float holds leave no pixel without a n
   GaussianModel& model = scene.model;
   for (std::size_t i = 0; i < model.size(); i += 4) {
     const float huge = i % 8 ? 1e30f : 3e38f;
-    switch (i / 4 % 6) {
+    switch (i / 4 % 7) {
       case 0:
         model.log_scale[i] = glm::vec3(80.0f, -80.0f, 0.0f);
         break;
@@ -424,6 +424,9 @@ TEST_CASE("parameters at the ends of what float holds leave no pixel without a n
         break;
       case 4:
         model.rotation[i] *= i % 8 ? 1e-15f : 1e15f;
+        break;
+      case 5:
+        for (std::size_t k = 0; k < model.shCount(); ++k) model.sh[i * model.shCount() + k] = glm::vec3(3.3e38f);
         break;
       default:
         model.log_scale[i] = glm::vec3(1000.0f);

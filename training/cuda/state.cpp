@@ -11,13 +11,14 @@ namespace {
 
 using Rects = std::vector<TextureRect>;
 
-// Numbers of texels, `each` of a texel, of the one layout's rectangles in the other's.
+// Numbers of texels, `each` of a texel, of the one layout's rectangles in the other's. Where several come to one place
+// the first one's count: a group's first Gaussian is the one whose moments the CPU keeps.
 template <typename T>
 std::vector<T> moved(const std::vector<T>& numbers, std::size_t each, const Rects& from, const Rects& to) {
   std::size_t texels = 0;
   for (const TextureRect& rect : to) texels = std::max(texels, std::size_t{rect.offset} + rect.texelCount());
   std::vector<T> result(each * texels);
-  for (std::size_t i = 0; i < to.size(); ++i) {
+  for (std::size_t i = to.size(); i-- > 0;) {
     std::copy_n(numbers.begin() + static_cast<std::ptrdiff_t>(each * from[i].offset), each * from[i].texelCount(),
                 result.begin() + static_cast<std::ptrdiff_t>(each * to[i].offset));
   }

@@ -306,7 +306,11 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
   }
   const std::int64_t count = static_cast<std::int64_t>(sources.size());
   dataset.views.resize(sources.size());
-  for (const DatasetIndex::Entry& entry : index.entries) dataset.files.push_back(entry.listed);
+  for (const DatasetIndex::Entry& entry : index.entries) {
+    dataset.files.push_back(entry.listed);
+    dataset.sources.push_back(entry.image);
+    if (!entry.mask.empty()) dataset.sources.push_back(entry.mask);
+  }
   dataset.photographs = std::make_shared<PhotographStore>(
       sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
   const auto isOwn = [&](std::size_t i) {

@@ -28,6 +28,7 @@ struct Dataset {
   DatasetLayout layout = DatasetLayout::automatic;
   std::vector<Camera> views;        // of the photographs: sorted by image name inside train and test; train first
   std::vector<std::string> files;   // of each: its path below the data set's folder, as the data set lists it
+  std::vector<std::filesystem::path> sources;  // what is read for them: photographs and masks
   std::optional<SceneBlock> block;  // of a scene in blocks
   PointCloud points;                // empty when the data set has none
   glm::vec3 background{0.0f};       // what scores are taken against, and training without random_background

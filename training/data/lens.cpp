@@ -128,6 +128,7 @@ Undistortion::Undistortion(Lens of, const Camera& camera, const std::string& lab
     if (const auto top = seen({along.x, 0.5})) low.y = std::max(low.y, top->y);
     if (const auto bottom = seen({along.x, size.y - 0.5})) high.y = std::min(high.y, bottom->y);
   }
+  if (valid_radius <= 0) high = low;  // no ray but the middle one
   constexpr double kRounding = 1e-6;  // [px] a pinhole's borders are its own
   const glm::dvec2 first = glm::ceil(low - 0.5 - kRounding), last = glm::floor(high - 0.5 + kRounding);
   const glm::dvec2 remains = last - first + 1.0;

@@ -461,9 +461,18 @@ PointCloud samplePoints(const SampleOptions& options) {
 void writeSample(const fs::path& folder, const SampleOptions& options, bool overwrite) {
   checkOptions(options);
   std::error_code ignored;
-  if (!overwrite && fs::exists(folder / "transforms_train.json", ignored)) {
-    throw Error(ErrorKind::cannotWrite, folder.string(), "holds a data set already (add --overwrite to replace it)");
+  for (const char* file : {"sparse", "transforms.json"}) {
+    if (!fs::exists(folder / file, ignored)) continue;
+    throw Error(ErrorKind::cannotWrite, folder.string(),
+                std::string("holds ") + file + ", which this would not replace (expected another folder)");
   }
+  for (const char* file : {"transforms_train.json", "transforms_test.json", "train", "test", "points3d.ply"}) {
+    if (overwrite || !fs::exists(folder / file, ignored)) continue;
+    throw Error(ErrorKind::cannotWrite, folder.string(),
+                std::string("holds ") + file + " already (add --overwrite to replace it)");
+  }
+  fs::remove(folder / "transforms_train.json", ignored);  // it comes last, and makes the folder a data set
+  std::string written[2];
   for (const bool test : {false, true}) {
     const std::string split = test ? "test" : "train";
     const int count = test ? options.test_views : options.train_views;
@@ -478,10 +487,11 @@ void writeSample(const fs::path& folder, const SampleOptions& options, bool over
       writeImage(folder / split / camera.name, renderSample(options, camera));
       frames.push_back(transformsFrame(camera, "./" + split + "/r_" + std::to_string(i)));
     }
-    const nlohmann::json json = {{"camera_angle_x", kFieldOfView}, {"frames", frames}};
-    writeTextAtomically(folder / ("transforms_" + split + ".json"), json.dump(1) + "\n");
+    written[test ? 1 : 0] = nlohmann::json{{"camera_angle_x", kFieldOfView}, {"frames", frames}}.dump(1) + "\n";
   }
   writePoints(folder / "points3d.ply", samplePoints(options));
+  writeTextAtomically(folder / "transforms_test.json", written[1]);
+  writeTextAtomically(folder / "transforms_train.json", written[0]);
 }
 
 }  // namespace tg

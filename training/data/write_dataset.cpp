@@ -73,6 +73,22 @@ bool writePhotograph(const fs::path& folder, const std::string& name, const Phot
   return true;
 }
 
+// What is read may not lie where it is written, whatever its name.
+void refuseSources(const fs::path& folder, const Dataset& dataset) {
+  const auto placeOf = [](const fs::path& path) {
+    std::error_code ignored;
+    return fs::weakly_canonical(fs::absolute(path), ignored);
+  };
+  for (const fs::path& place : {placeOf(folder / "images"), placeOf(folder / "masks")}) {
+    for (const fs::path& source : dataset.sources) {
+      const fs::path below = placeOf(source).lexically_relative(place);
+      if (below.empty() || *below.begin() == "..") continue;
+      throw Error(ErrorKind::usage, folder.string(),
+                  "holds what the data set reads: " + source.string() + " (expected another folder)");
+    }
+  }
+}
+
 }  // namespace
 
 nlohmann::json transformsFrame(const Camera& camera, const std::string& file_path) {
@@ -102,6 +118,7 @@ void writePoints(const fs::path& path, const PointCloud& points) {
 }
 
 void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite) {
+  refuseSources(folder, dataset);
   for (const char* file : {"transforms_train.json", "sparse"}) {  // which would be read in place of what is written
     std::error_code ignored;
     if (!overwrite || !fs::exists(folder / file, ignored)) continue;

@@ -288,6 +288,32 @@ TEST_CASE("what lies behind pixels that have ended has no weight, nor what is hi
   CHECK(weigh(0.01f)[0] > 100);
 }
 
+TEST_CASE("a Gaussian that is flatter than float shows has the weight that it is drawn with") {
+  const test::TestScene disc = test::thinDiscScene(0.01f, false);
+  GaussianModel model = disc.model;
+  model.log_scale[0] = glm::vec3(0.0f, 0.0f, -15.0f);
+  const double thin = blendWeights(model, std::span(&disc.camera, 1))[0];
+  CHECK(thin > 100);
+  for (const float flatter : {-46.05f, -100.0f, -1000.0f}) {
+    model.log_scale[0].z = flatter;
+    CHECK(blendWeights(model, std::span(&disc.camera, 1))[0] == Approx(thin).epsilon(1e-3));
+  }
+}
+
+TEST_CASE("pairs that no view shows are merged, however far apart their colours lie") {
+  GaussianModel model;
+  for (int i = 0; i < 64; ++i) {
+    model.mean.emplace_back(static_cast<float>(i), 0.0f, 4.0f);
+    model.rotation.emplace_back(1.0f, 0.0f, 0.0f, 0.0f);
+    model.log_scale.emplace_back(-1.0f);
+    model.opacity_logit.push_back(0.0f);
+    model.sh.emplace_back(i >= 32 ? 0.0f : i % 2 == 0 ? 3e38f : -3e38f);
+  }
+  decimateByMerging(model, 48, std::vector<double>(64, 0.0));
+  REQUIRE(model.size() == 48);
+  checkModel(model, "merged");
+}
+
 TEST_CASE("decimation by what pictures show beats decimation by chance") {
   const Bundle sample = readBundle("docs/sample.tgz");
   const GaussianModel& model = sample.model;

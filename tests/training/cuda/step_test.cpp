@@ -7,6 +7,7 @@
 #include "support/cuda_orders.h"
 #include "support/scenes.h"
 #include "training/cuda/frame.h"
+#include "training/cuda/state.h"
 #include "training/cuda/step.h"
 #include "training/cuda/texels.h"
 #include "training/step/filter_3d.h"
@@ -202,6 +203,29 @@ TEST_CASE("CUDA's texels move as the CPU's do, from sums that are zero afterward
   CHECK(sameNumbers(download(device.texels), numbers(atlas.texels)));
   CHECK(sameNumbers(download(moments.first), numbers(state.moments.texels.first)));
   CHECK(sameNumbers(download(moments.second), numbers(state.moments.texels.second)));
+}
+
+TEST_CASE("a state whose textures are shared comes to the device with the moments of each group's first", "[checked]") {
+  RunState run;
+  run.training = randomState(6, 4);
+  run.training.model.texture_mode = TextureMode::rgba;
+  run.training.model.atlas = makeUniformAtlas(6, 1, 1);
+  resetMoments(run.training);
+  run.statistics.reset(6);
+  const std::vector<std::uint32_t> groups = {0, 1, 0, 1, 1, 2};
+  Moments& texels = run.training.moments.texels;
+  for (const std::size_t owner : {0, 1, 5}) {  // as the CPU leaves them
+    texels.first[4 * owner] = texels.second[4 * owner] = static_cast<float>(owner + 1);
+  }
+  cuda::DeviceState device;
+  cuda::upload(run, groups, device);
+  for (const auto* moments : {&device.moments.texels.first, &device.moments.texels.second}) {
+    const std::vector<float> found = download(*moments);
+    REQUIRE(found.size() == 12);
+    CHECK(found[0] == 1);
+    CHECK(found[4] == 2);
+    CHECK(found[8] == 6);
+  }
 }
 
 TEST_CASE("CUDA moves the textures of owners alone, whether these are drawn or not", "[checked]") {

@@ -213,6 +213,7 @@ TEST_CASE("an implausible lens is refused with what would remain", "[lens]") {
   CHECK_THAT(refused({.model = "OPENCV", .radial = {1e6}}),
              Contains("a.png: the lens distortion (OPENCV) is implausible (expected that undistorting keeps at least a "
                       "fifth of 96 x 64 pixels a side, found "));
+  CHECK_THAT(refused({.model = "FOV", .fov = 4.0}), Contains("a.png: the lens distortion (FOV) is implausible"));
   Camera aside = camera();
   aside.center.y = 6e9;  // more pixels away than an int counts
   CHECK_THAT(refused({.model = "OPENCV", .radial = {32, 2}, .tangential = {0, 1}}, aside),

@@ -75,5 +75,12 @@ TEST_CASE("make-sample refuses sizes out of range and an existing data set", "[s
   options.size = 0;
   CHECK_THROWS_WITH(tg::writeSample(folder.path, options, false), Contains("image size out of range"));
   tg::writeSample(folder.path, kSmall, false);
-  CHECK_THROWS_WITH(tg::writeSample(folder.path, kSmall, false), Contains("--overwrite"));
+  CHECK_THROWS_WITH(tg::writeSample(folder.path, kSmall, false), Contains("holds transforms_train.json already"));
+  CHECK_NOTHROW(tg::writeSample(folder.path, kSmall, true));
+  // Other data sets' files, without the one that this one has.
+  for (const char* file : {"transforms.json", "sparse", "points3d.ply", "train"}) {
+    tg::TemporaryFolder other;
+    fs::create_directories(other / file);
+    CHECK_THROWS_WITH(tg::writeSample(other.path, kSmall, false), Contains(std::string("holds ") + file));
+  }
 }

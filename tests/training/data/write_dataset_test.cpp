@@ -119,6 +119,22 @@ TEST_CASE("a folder that holds a data set is not written over without being aske
   CHECK(write(true) == "written");
 }
 
+TEST_CASE("photographs that a data set reads are not written over, wherever they lie", "[dataset]") {
+  tg::TemporaryFolder folder;
+  tg::writeDataset(folder / "first", dataset(), false);
+  fs::create_directory(folder / "other");
+  fs::rename(folder / "first/images", folder / "images");
+  std::ifstream file(folder / "first/transforms.json");
+  nlohmann::json json = nlohmann::json::parse(file);
+  for (nlohmann::json& frame : json["frames"]) frame["file_path"] = "../" + frame["file_path"].get<std::string>();
+  json.erase("train_filenames");
+  json.erase("test_filenames");
+  std::ofstream(folder / "first/transforms.json") << json;
+  const tg::Dataset loaded = tg::loadDataset(folder / "first");
+  CHECK_THROWS_WITH(tg::writeDataset(folder.path, loaded, true), Contains("holds what the data set reads: "));
+  CHECK_NOTHROW(tg::writeDataset(folder / "other", loaded, true));
+}
+
 TEST_CASE("of a data set that is replaced no masks and no points stay", "[dataset]") {
   tg::TemporaryFolder folder;
   tg::writeDataset(folder / "out", dataset(), false);
