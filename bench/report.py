@@ -20,7 +20,7 @@ import sys
 import paper_tables as paper
 from report_document import Code, Heading, Items, Table, Text, markdown, page
 from report_figures import byte_figures, pictures, rank_figures, share_figures, size_figures, small_figures
-from report_trials import (LABELS, METRICS, Broken, Trials, at, couple, gain, mean, number, percent, published,
+from report_trials import (LABELS, METRICS, Broken, Trials, at, begun, couple, gain, mean, number, percent, published,
                            ranks_of, scaled, score, shown, side, signed, small_kind, student, twin, used_metrics)
 from reproduce import (COMPARED, DEFAULT_SIZE, KEY_SHARES, KIND_SHARES, KINDS, MERGED, ROOT, SCENES, SEEDS, SHARES, SIZES,
                        SMALL_SHARES, STAGE_1_CHOICES, STAGE_2_CHOICES, TIE, TREATMENTS, TRIALS)
@@ -112,12 +112,13 @@ def shares(trials):
         for share in trials.shares(scene):
             plain, textured = trials.trained(scene, share, "none"), trials.trained(scene, share, "rgba")
             none, more, rgba = score(plain), twin(textured), score(textured)
-            over_stage_1[scene, share], over_twin[scene, share] = gain(rgba, none), gain(rgba, more)
+            over_stage_1[scene, share], over_twin[scene, share] = gain(rgba, begun(textured) or none), gain(rgba, more)
             rows.append([f"{scene} {share} %", number(at(plain, "evaluation", "gaussians")),
                          pixels_each(plain, "gaussians"), side(textured), pixels_each(textured, "texels"),
                          *(shown(s, metrics) for s in (none, more, rgba)),
                          *(shown(gains[scene, share], write=signed) for gains in (over_stage_1, over_twin))])
-    yield Text(f"PSNR / SSIM that RGBA gains, means of {', '.join(COMPARED)}; the paper's gains are over stage 1.")
+    yield Text(f"PSNR / SSIM that RGBA gains, means of {', '.join(COMPARED)}; the paper's gains are over stage 1. That is "
+               "the one that a cell began with, which may have been trained again since.")
     yield Table(["share", "over stage 1", "over the twin", *(f"paper, {name}" for name in paper.SHARES)],
                 [[f"{share} %", *(shown(mean([gains[scene, share] for scene in COMPARED]), write=signed)
                                   for gains in (over_stage_1, over_twin)),
@@ -139,12 +140,21 @@ def default_sizes(trials):
             more, rgba = twin(paper_size), score(own)
             over_twin[scene, share] = gain(rgba, more)
             rows.append([f"{scene} {share} %", side(own), pixels_each(own, "texels"), shown(more),
-                         shown(score(paper_size)), shown(rgba), shown(over_twin[scene, share], write=signed)])
+                         shown(score(paper_size)), shown(rgba) + other_start(own, paper_size),
+                         shown(over_twin[scene, share], write=signed)])
     yield Text("Textures as large as the training views have pixels for (`--pixels-per-texel`), which is what tgtrain "
-               "makes where nobody names a size; beside the paper's number of texels. PSNR / SSIM.")
+               f"makes where nobody names a size; beside the paper's number of texels. PSNR / SSIM. {OTHER_START}")
     yield Text("RGBA is ahead of the twin by more than %.2f dB in %s cells." % (TIE, wins(over_twin.values())))
     yield Table(["", "texels a side", "pixels a texel", "twin", "RGBA, the paper's number", "RGBA, default",
                  "its gain over the twin"], rows)
+
+
+OTHER_START = f"(*): began with another stage 1 than the others of its row, by more than {TIE} dB."
+
+
+def other_start(report, other):
+    scores = [begun(r).get("psnr") for r in (report, other)]
+    return "" if None in scores or abs(scores[0] - scores[1]) <= TIE else " (*)"
 
 
 def pixels_each(report, of):
@@ -222,9 +232,11 @@ def small(trials):
     for scene in COMPARED:
         for share in (*SMALL_SHARES, 100):
             rgba = trials.trained(scene, share, "rgba")
+            four = trials.trained(scene, share, small_kind(share))
             rows.append([f"{scene} {share} %", shown(score(trials.trained(scene, share, "none"))), shown(twin(rgba)),
-                         shown(score(trials.trained(scene, share, small_kind(share)))), shown(score(rgba)), side(rgba)])
-    yield Text("4 x 4 texels a Gaussian at every share, beside as many texels at every share. PSNR / SSIM.")
+                         shown(score(four)) + other_start(four, rgba), shown(score(rgba)), side(rgba)])
+    yield Text("4 x 4 texels a Gaussian at every share, beside as many texels at every share. PSNR / SSIM. "
+               f"{OTHER_START}")
     yield Table(["", "stage 1", "twin", "4 x 4", "fixed number of texels", "its texels a side"], rows)
 
 
@@ -248,9 +260,9 @@ def spread(trials):
         for share in KEY_SHARES:
             pairs = [(trials.trained(scene, share, "none", seed), trials.trained(scene, share, "rgba", seed))
                      for seed in SEEDS]
-            plain, more, rgba = whole_seeds(zip(*((score(first), twin(second), score(second))
-                                                  for first, second in pairs)))
-            gains = [[gain(*both) for both in zip(rgba, worse)] for worse in (plain, more)]
+            plain, start, more, rgba = whole_seeds(zip(*((score(first), begun(second) or score(first), twin(second),
+                                                         score(second)) for first, second in pairs)))
+            gains = [[gain(*both) for both in zip(rgba, worse)] for worse in (start, more)]
             rows.append([f"{scene} {share} %", str(sum(map(bool, gains[0]))), *map(over_seeds, (plain, more, rgba)),
                          *(over_seeds(values, signed) for values in gains)])
     yield Text("PSNR [dB], mean and standard deviation over seeds.")
@@ -409,8 +421,9 @@ def choices(trials):
     yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
                "difference is to the first row at the same scene, share and seed (two that began with different "
                "results of the same stage 1 are not compared); \"difference\" is the mean over scenes and shares, +- "
-               "its 95 % confidence interval (Student's t) by the seeds, where there are any. A tie is within that or within "
-               f"{TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
+               "its 95 % confidence interval (Student's t) by the seeds, where there are any: one spread is assumed "
+               "for all, so that it is too narrow where a scene with one seed varies more than the others. A tie is "
+               f"within that or within {TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
                "have no limit.")
     twin = "no textures (twin)"
     yield table("after stage 1", ("none", "plain"), {choice: (choice, "plain") for choice in STAGE_1_CHOICES},

@@ -128,6 +128,13 @@ def twin(report):
     return score(report, "untextured")
 
 
+def begun(report):
+    """The score of stage 1 that a cell with textures began with: another machine's or recipe's is another."""
+    plain = at(report, "training", "stages", "plain") or {}
+    scores = {metric: plain.get(f"test_{metric}") for metric in ("psnr", "ssim")}
+    return {} if None in scores.values() else scores
+
+
 def gain(better, worse):
     return {metric: better[metric] - worse[metric] for metric in ("psnr", "ssim") if better and worse}
 

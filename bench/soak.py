@@ -98,7 +98,7 @@ def main():
         display = subprocess.Popen(["Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24"], stdout=subprocess.PIPE,
                                    stderr=subprocess.DEVNULL)
         number = display.stdout.readline().decode().strip()
-        began, samples, told = time.monotonic(), [], 0
+        began, samples, told, viewer = time.monotonic(), [], 0, None
         try:
             viewer = subprocess.Popen(["env", "-u", "WAYLAND_DISPLAY", f"DISPLAY=:{number}", options.tgview.resolve(),
                                        options.models[0], "--script", file, "--size", "320x240", "--backend",
@@ -112,8 +112,13 @@ def main():
                         print(f"{told:.0f} s: {memory:.1f} MiB", file=sys.stderr, flush=True)
                 time.sleep(EVERY_S)
         finally:
+            if viewer and viewer.poll() is None:
+                viewer.terminate()
+                viewer.wait()
             display.terminate()
             display.wait()
+    if not samples:
+        sys.exit("the viewer ended at once")
     seconds = time.monotonic() - began
     steady = [(t, m) for t, m in samples if t >= 0.1 * seconds]
     grows = slope(steady) if len(steady) > 1 else 0.0  # [MiB/s]

@@ -151,7 +151,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   };
   if (isStreamingPage(input, format, options)) {
     if (options.measure == Measure::always) {
-      throw Error(ErrorKind::usage, output.string(), "--psnr does nothing: the page holds no model, but streams it");
+      throw Error(ErrorKind::usage, output.string(),
+                  "nothing is measured: the page holds no model, but streams it (expected no PSNR)");
     }
     const KeepExisting no_other_run(!options.overwrite && !options.dry_run);
     writePageBeside(input, output, report);

@@ -180,7 +180,6 @@ struct ShapingOption {
   bool (*shapes)(const tg::Format& format);
 };
 constexpr ShapingOption kShapingOptions[] = {
-    {"--psnr", [](const tg::Format& format) { return format.read != nullptr; }},
     {"--no-cameras", [](const tg::Format& format) { return format.holds(tg::kKeepsCameras); }},
     {"--lean", [](const tg::Format& format) { return format.is_gltf && format.name != "html"; }},  // which always is
     {"--quantize", [](const tg::Format& format) { return format.is_gltf; }},
@@ -247,6 +246,10 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
       if (format.write && option.shapes(format)) names.push_back("." + std::string(format.name));
     }
     refuse(option.name, tg::listed(names));
+  }
+  if (output && !output->read && given("--psnr") && arguments.options.edits.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, "--psnr does nothing here: a ." + std::string(output->name) +
+                                              " is not read again, and no edit is compared");
   }
   if (output && output->name == "html" && arguments.options.atlas == tg::AtlasFormat::exr) {
     throw tg::Error(tg::ErrorKind::usage, "--atlas: a page reads no EXR (expected png8, png16 or webp, found \"exr\")");

@@ -13,7 +13,7 @@ namespace {
 
 static_assert(static_cast<int>(Output::depthMedian) == static_cast<int>(tg::Output::depthMedian));
 
-constexpr int kMostThreads = 4096;
+constexpr int kMostThreads = 1024;  // as many as the programs take
 
 }  // namespace
 
@@ -49,7 +49,8 @@ Image Renderer::render(const Camera& camera, Output output, const RenderOptions&
 
 void setThreads(int count) {
   if (count < 0 || count > kMostThreads) {
-    throw Error(ErrorKind::usage, "threads: expected 0 to 4096, found " + std::to_string(count));
+    throw Error(ErrorKind::usage,
+                "threads: expected 0 to " + std::to_string(kMostThreads) + ", found " + std::to_string(count));
   }
   tg::setThreadCount(count);
 }

@@ -441,7 +441,7 @@ void bindTraining(py::module_& module) {
           "folder"_a, py::kw_only(), "downscale"_a = 1, "background"_a = py::none(), "test_every"_a = 8,
           py::call_guard<py::gil_scoped_release>(), R"(A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder.
 
-downscale: whole number. background: RGB behind transparent photographs; None: white for NeRF-synthetic, else black.
+downscale: whole number. background: RGB behind transparent photographs; None: the data set's own, else white for NeRF-synthetic, else black.
 test_every: every n-th photograph is held out where the data set has no split; 0: none.)")
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")

@@ -21,7 +21,7 @@ outputs() {  # PROGRAMS: everything into the working folder, by relative names, 
   "$bin/tgeval" model.tgz scene --images eval --side-by-side side --effective-rank --json eval.json > eval.txt
 
   for format in glb gltf html ply compressed.ply sog splat spz tgz png; do
-    "$bin/tgconvert" model.tgz "model.$format" --overwrite --psnr > "convert_$format.txt"
+    "$bin/tgconvert" model.tgz "model.$format" --overwrite > "convert_$format.txt"
     [ "$format" = png ] || "$bin/tgconvert" "model.$format" --info --stats --json null > "info_$format.json"
   done
   "$bin/tgconvert" model.tgz lean.glb --lean --quantize --atlas png16 > lean.txt

@@ -8,7 +8,9 @@
 # table of its own. --sizes: of the timed pictures ("800x800 1600x1064"). Ends with 5 where no device answers: then the
 # table holds the tests on the host alone.
 set -euo pipefail
+from=$PWD
 cd "$(dirname "$0")/.."
+folder() { (cd "$from" && realpath -m "$1"); }  # as the caller names it
 
 packages=
 build="build-gpu"
@@ -22,9 +24,9 @@ while [ $# -gt 0 ]; do
     exit 1
   fi
   case $1 in
-    --packages) packages=$(realpath "$2") ;;
-    --build) build=$2 ;;
-    --out) out=$2 ;;
+    --packages) packages=$(folder "$2") ;;
+    --build) build=$(folder "$2") ;;
+    --out) out=$(folder "$2") ;;
     --iterations) iterations=$2 ;;
     --only) only=$2 ;;
     --sizes) sizes=$2 ;;

@@ -121,6 +121,16 @@ class ReportTest(unittest.TestCase):
         self.assertEqual(row(text, "Texture size", "none, twin"), ["25.50 / 0.9000"] * 3)
         self.assertIn("<title>RGBA: 1, 26.5</title>", self.page())
 
+    def test_gains_are_over_the_stage_1_that_a_cell_began_with(self):
+        self.add("fox/001/none/1", 25.0)
+        for name, start in (("rgba", 25.5), ("rgba-4", 25.0)):
+            report = cell(f"fox/001/{name}/1", 27.0, 26.0, side=40)
+            report["training"]["stages"]["plain"].update(test_psnr=start, test_ssim=0.875)
+            self.write(f"fox/001/{name}/1.json", json.dumps(report))
+        text = self.results()
+        self.assertEqual(row(text, "RGBA at every share", "fox 1 %")[-2:], ["+1.50 / +0.0250", "+1.00 / +0.0000"])
+        self.assertEqual(row(text, "4 x 4 at every share", "fox 1 %")[2:4], ["27.00 / 0.9000 (*)", "27.00 / 0.9000"])
+
     def test_anchor(self):
         self.add("lego800/paper/none/1", 35.68, gaussians=123456)
         text = self.results()

@@ -148,10 +148,12 @@ bool isLevels(const FileStart& start) {
   return isJson(start) && (start.holds("\"lodLevels\"") || named);
 }
 
-// What many files of one scene say is said once.
+// What many files of one scene say is said once, and not all where each says something else.
 void addEachOnce(const std::vector<std::string>& some, std::vector<std::string>& warnings) {
+  constexpr std::size_t kMostTold = 5;
   for (const std::string& warning : some) {
-    if (std::ranges::find(warnings, warning) == warnings.end()) warnings.push_back(warning);
+    if (warnings.size() > kMostTold || std::ranges::find(warnings, warning) != warnings.end()) continue;
+    warnings.push_back(warnings.size() < kMostTold ? warning : "further warnings of its files are left out");
   }
 }
 

@@ -84,7 +84,7 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             check(not browser.log, browser.log)
             # A picture of which nothing comes is given up, and asked for again; time passes quicker here.
             browser.evaluate("window.fetched = window.fetch; window.held = 0; window.later = window.setTimeout;"
-                             "window.setTimeout = (call, time) => later(call, time === 30000 ? 300 : time);"
+                             "window.setTimeout = (call, time) => later(call, time === 30000 ? 1500 : time);"
                              "window.fetch = (address, options) => {"
                              "if (held || !String(address).includes('picture.png')) return fetched(address, options);"
                              "held = 1; return new Promise((_, fail) => options.signal?.addEventListener('abort', () =>"

@@ -505,6 +505,11 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     }
   };
   if (!index.has_split && options.test_every > 0) holdOut(options.test_every);
+  const bool holds_out =
+      std::ranges::any_of(index.entries, [](const DatasetIndex::Entry& entry) { return entry.camera.test; });
+  if (index.has_split && !holds_out && !options.validation && options.test_every > 0) {
+    dataset.notes.emplace_back("no view is held out, as the data set says");
+  }
   if (options.validation) {
     std::erase_if(index.entries, [](const DatasetIndex::Entry& entry) { return entry.camera.test; });
     holdOut(kValidationEvery);
@@ -533,6 +538,10 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   return dataset;
 }
 
+// Of their distance from the origin, or from what they see: cameras that are this near each other are at one place, but
+// for the rounding of what wrote them.
+constexpr double kOnePlace = 1e-7;
+
 double cameraExtent(const Dataset& dataset) {
   const std::vector<std::size_t> train = dataset.indices(false);
   glm::dvec3 mean(0.0);
@@ -543,7 +552,7 @@ double cameraExtent(const Dataset& dataset) {
     farthest = std::max(farthest, glm::length(dataset.views[i].position()));
   }
   // One camera, or several at one place but for rounding, span nothing: fall back to the unit of the world.
-  return radius > 1e-9 * farthest ? 1.1 * radius : 1.0;
+  return radius > kOnePlace * farthest ? 1.1 * radius : 1.0;
 }
 
 double sceneExtent(const Dataset& dataset, double distances) {
@@ -556,7 +565,7 @@ double sceneExtent(const Dataset& dataset, double distances) {
   if (nearest.empty()) return extent;
   const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
   std::nth_element(nearest.begin(), middle, nearest.end());
-  return std::min(extent, distances * *middle);
+  return std::min(extent > kOnePlace * *middle ? extent : 1.0, distances * *middle);
 }
 
 std::vector<Camera> trainingViews(const Dataset& dataset) {

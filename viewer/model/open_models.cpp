@@ -390,6 +390,7 @@ void OpenModels::show(ViewerState& state, int document) {
   leaveDocument(state);
   Document& next = state.documents.open[document];
   state.documents.shown = document;
+  state.stream.settled = false;  // until wish() has asked for the levels of this one
   Document kept = std::move(next);
   next.path = kept.path;
   const EditTool tool = state.edit.tool;

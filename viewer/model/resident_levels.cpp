@@ -100,6 +100,18 @@ void ResidentLevels::read(std::uint32_t file, std::span<const std::uint8_t> want
                 scene_.files[file] + ": another SH degree than the coarsest level has" +
                     expectedFound(std::to_string(coarsest_->sh_degree), std::to_string(whole.sh_degree)));
   }
+  // Else all of them together would be refused later (assembleLod).
+  const auto differs = [&](const GaussianModel& other) {
+    return isTextured(other) && isTextured(whole) &&
+           (other.intersection != whole.intersection || other.outside != whole.outside);
+  };
+  const bool fits = !(coarsest_ && differs(*coarsest_)) && !(model_ && differs(*model_)) &&
+                    std::ranges::none_of(pieces_, [&](const auto& piece) { return differs(*piece); });
+  if (!fits) {
+    throw Error(
+        ErrorKind::badData, scene_.path,
+        scene_.files[file] + ": another intersection model, or another way for textures to end, than other files have");
+  }
   // The leaves that want it, as a scene of their own.
   LodScene part;
   part.path = scene_.path;

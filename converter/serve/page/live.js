@@ -181,13 +181,17 @@ async function startLive() {
     if (words !== '' || element('message').firstElementChild.textContent === said) showMessage(words);
     said = words;
   };
-  let following = false, trouble = null;  // a model is read and drawn; what went wrong with the last one
-  const follow = async (state) => {  // meanwhile the state is asked for: a slow picture holds up no word
-    if (following) return;
-    following = true;
-    trouble = null;
-    await model.update(state.model, state.run ? state.run.name : state.title).catch((error) => { trouble = error; });
-    following = false;
+  // Meanwhile the state is asked for: what is slow, or does not come, holds up no word.
+  const busy = {}, trouble = {};  // by kind: whether one is on its way, and what went wrong with the last one
+  const beside = async (kind, work) => {
+    if (busy[kind]) return;
+    busy[kind] = true;
+    trouble[kind] = null;
+    await work().catch((error) => { trouble[kind] = error; });
+    busy[kind] = false;
+  };
+  const showModel = async (state) => {
+    await model.update(state.model, state.run ? state.run.name : state.title);
     window.__shown = model.number;
   };
   let start = null;
@@ -201,14 +205,14 @@ async function startLive() {
     start = state.start;
     if (!state.run) document.title = state.title;
     run.update(state);
-    await run.pictures(state.held_out);
-    if (model) follow(state);
+    beside('pictures', () => run.pictures(state.held_out));
+    if (model) beside('model', () => showModel(state));
   };
   for (;;) {
     if (!document.hidden) {
       let failed = null;
       await once().catch((error) => failed = error);
-      failed = failed || trouble;
+      failed = failed || trouble.model || trouble.pictures;
       const ended = ['finished', 'interrupted'].includes(element('phase').className);
       if (failed && !ended && performance.now() - answered > LOST_AFTER) {
         element('phase').textContent = 'no answer';
@@ -216,8 +220,8 @@ async function startLive() {
         say(`No answer since ${duration((performance.now() - answered) / 1000)}: ${failed.message}`);
       } else if (failed && failed.message.includes('token')) {
         say(failed.message);
-      } else if (trouble && trouble === model.failed.why) {
-        say(trouble.message);
+      } else if (trouble.model && trouble.model === model.failed.why) {
+        say(trouble.model.message);
       } else if (!failed) {
         say('');
       }

@@ -16,7 +16,7 @@ namespace textured_gaussians {
 
 struct DatasetOptions {
   int downscale = 1;  // whole number: photographs are reduced by a box filter
-  // RGB behind transparent photographs; without one: white for NeRF-synthetic, else black.
+  // RGB behind transparent photographs; without one: the data set's own, else white for NeRF-synthetic, else black.
   std::optional<std::array<float, 3>> background = {};
   int test_every = 8;  // every n-th photograph by name is held out, where the data set has no split; 0: none
 };

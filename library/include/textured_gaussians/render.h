@@ -51,7 +51,7 @@ class Renderer {
 };
 
 // Threads of rendering, training and conversion from now on; 0, as at the start: as many as the machine has. What runs
-// on another thread meanwhile takes them up as it goes on. Throws Error(usage) below 0 or above 4096.
+// on another thread meanwhile takes them up as it goes on. Throws Error(usage) below 0 or above 1024.
 void setThreads(int count);
 
 }  // namespace textured_gaussians

@@ -618,6 +618,7 @@ TEST_CASE("nerfstudio's lists say what is trained, what is held out and what is 
   CHECK(views() == "c.png test b.png ");  // every 8th of what is listed
   json["test_filenames"] = Json::array();
   CHECK(views() == "b.png c.png ");
+  CHECK_THAT(loadDataset(folder.path).notes.at(1), Contains("no view is held out"));
   json["test_filenames"] = {"images/f.png"};
   writeText(folder / "transforms.json", json.dump());
   CHECK_THAT(refusal(folder.path), Contains("held out names none of the 4 frames"));
@@ -693,6 +694,12 @@ TEST_CASE("the extent is 1.1 times the largest distance from the training camera
     panorama.views[i] = tg::lookAt(eye, eye + to, {0, -1, 0}, 0.8, 64, 48);
   }
   CHECK(tg::cameraExtent(panorama) == 1.0);  // but for rounding at one place
+  for (std::size_t i = 0; i < panorama.views.size(); ++i) {  // at the origin the rounding is all there is
+    panorama.views[i].translation = {i % 2 == 0 ? 1e-8 : -1e-8, 0, 0};
+  }
+  CHECK(tg::cameraExtent(panorama) < 1e-7);
+  panorama.points.position = {panorama.views[0].position() + 5.0 * glm::transpose(panorama.views[0].rotation)[2]};
+  CHECK(tg::sceneExtent(panorama, 2) == 1.0);
 }
 
 TEST_CASE("the extent of a scene is bounded by how near its points are seen", "[dataset]") {

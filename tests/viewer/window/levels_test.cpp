@@ -101,9 +101,10 @@ TEST_CASE("a recording of a streamed scene waits while another model is shown, a
                         "160x120", "-o", "plain/####.png", "--backend", "cpu", "-q"});
   INFO(result.err);
   REQUIRE(result.exit_code == 0);
-  for (const char* frame : {"/0000.png", "/0012.png", "/0023.png"}) {
+  for (int i = 0; i < 24; ++i) {  // it was left in the middle
+    const std::string frame = (i < 10 ? "/000" : "/00") + std::to_string(i) + ".png";
     INFO(frame);
-    CHECK(psnr(shop.read(std::string("turn") + frame), shop.read(std::string("plain") + frame)) > 45);
+    CHECK(psnr(shop.read("turn" + frame), shop.read("plain" + frame)) > 45);
   }
   play(shop, scene,
        begin +
