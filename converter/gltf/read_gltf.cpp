@@ -527,8 +527,7 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options) {
       }
       textured = true;
       model.intersection = layer->intersection;
-      model.texture_mode =
-          static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(layer->mode));
+      model.texture_mode = model.texture_mode | layer->mode;
     }
     Repairs repairs;
     const std::size_t before = model.size();

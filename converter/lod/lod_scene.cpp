@@ -236,6 +236,14 @@ Bundle readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& r
   return loaded;
 }
 
+void requireSameTextures(const LodScene& scene, std::uint32_t file, const GaussianModel& found,
+                         const GaussianModel& others) {
+  if (!isTextured(found) || !isTextured(others)) return;
+  if (found.intersection == others.intersection && found.outside == others.outside) return;
+  throw Error(ErrorKind::badData, lod::besideMeta(scene.path, scene.files[file]),
+              "another intersection model, or another way for textures to end, than other files have");
+}
+
 std::vector<std::uint8_t> chooseLevels(const LodScene& scene, const Pinhole& camera, std::uint64_t budget,
                                        double least_pixels) {
   const auto coarsest = static_cast<std::uint8_t>(scene.levels - 1);
@@ -364,13 +372,8 @@ GaussianModel assembleLod(const LodScene& scene, std::span<const std::uint8_t> l
       model.atlas.rects.push_back(rect);
     }
     if (!isTextured(from)) return;
-    const bool first_textured = model.texture_mode == TextureMode::none;
-    if (!first_textured && (from.intersection != model.intersection || from.outside != model.outside)) {
-      throw Error(ErrorKind::badData, lod::besideMeta(scene.path, scene.files[range.file]),
-                  "another intersection model, or another way for textures to end, than other files have");
-    }
-    model.texture_mode =
-        static_cast<TextureMode>(static_cast<unsigned>(model.texture_mode) | static_cast<unsigned>(from.texture_mode));
+    requireSameTextures(scene, range.file, from, model);
+    model.texture_mode = model.texture_mode | from.texture_mode;
     model.intersection = from.intersection;
     model.outside = from.outside;
   });

@@ -66,6 +66,9 @@ std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reade
 // A file's Gaussians, at least file_counts[file], and its warnings; base_only: what readers without textures get.
 // Throws Error(cannotRead / badData).
 Bundle readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader, bool base_only = false);
+// Where both have textures: throws Error(badData), of what was found in the file, unless they can be one model.
+void requireSameTextures(const LodScene& scene, std::uint32_t file, const GaussianModel& found,
+                         const GaussianModel& others);
 
 // ---- A level for every leaf: [leaves]
 

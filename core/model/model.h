@@ -15,6 +15,10 @@ namespace tg {
 // Which texture terms apply. Bit sets: rgba = alpha | rgb. Values equal kMode* of shaders/shared/limits.h.
 enum class TextureMode : unsigned { none = 0, alpha = 1, rgb = 2, rgba = 3 };
 constexpr auto namesOf(TextureMode) { return enumNames("none", "alpha", "rgb", "rgba"); }
+// What holds both.
+constexpr TextureMode operator|(TextureMode a, TextureMode b) {
+  return static_cast<TextureMode>(static_cast<unsigned>(a) | static_cast<unsigned>(b));
+}
 // Where a ray meets a Gaussian (docs/math.md 2). Values equal kIntersect*.
 enum class IntersectionModel : unsigned { plane = 0, maxResponse = 1 };
 constexpr auto namesOf(IntersectionModel) { return enumNames("plane", "maxResponse"); }

@@ -101,17 +101,9 @@ void ResidentLevels::read(std::uint32_t file, std::span<const std::uint8_t> want
                     expectedFound(std::to_string(coarsest_->sh_degree), std::to_string(whole.sh_degree)));
   }
   // Else all of them together would be refused later (assembleLod).
-  const auto differs = [&](const GaussianModel& other) {
-    return isTextured(other) && isTextured(whole) &&
-           (other.intersection != whole.intersection || other.outside != whole.outside);
-  };
-  const bool fits = !(coarsest_ && differs(*coarsest_)) && !(model_ && differs(*model_)) &&
-                    std::ranges::none_of(pieces_, [&](const auto& piece) { return differs(*piece); });
-  if (!fits) {
-    throw Error(
-        ErrorKind::badData, scene_.path,
-        scene_.files[file] + ": another intersection model, or another way for textures to end, than other files have");
-  }
+  if (coarsest_) requireSameTextures(scene_, file, whole, *coarsest_);
+  if (model_) requireSameTextures(scene_, file, whole, *model_);
+  for (const auto& piece : pieces_) requireSameTextures(scene_, file, whole, *piece);
   // The leaves that want it, as a scene of their own.
   LodScene part;
   part.path = scene_.path;
