@@ -51,6 +51,9 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             until("test scores", lambda: browser.evaluate("document.querySelectorAll('#psnr circle').length > 1"))
             until("the stage", lambda: "stage textured" in browser.evaluate("document.body.innerText"))
             until("a held-out pair", lambda: browser.evaluate("document.getElementById('rendering').naturalWidth") == 64)
+            bar = browser.evaluate("(({role, ariaLabel, ariaValueNow}) => [role, ariaLabel, ariaValueNow])"
+                                   "(document.getElementById('progress'))")
+            check(bar[0] == "progressbar" and bar[1] and 0 <= int(bar[2]) <= 100, bar)
             text = browser.evaluate("document.getElementById('run').innerText")
             check("scene" in text and "dB" in text and "it/s" in text, text)
             # The view stays where a hand has put it while models come.

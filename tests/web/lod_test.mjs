@@ -107,6 +107,22 @@ const {box, means} = gap.leaves[0];
 expect('a box is turned, and stands for that of the means', box === means && box.low.join() === '-1,-1,0' &&
   box.high.join() === '0,0,1', box.low);
 
+// A small file is no large scene: ranges of a file's Gaussians do not overlap, but those of one leaf.
+{
+  const bound = {min: [0, 0, 0], max: [1, 1, 1]};
+  const scene = (...leaves) => parseLodMeta(bytesOf({lodLevels: 2, filenames: ['a/meta.json', 'b/meta.json'],
+                                                     tree: {children: leaves.map((lods) => ({bound, lods}))}}))
+    .then(({count}) => count, (error) => error.message);
+  const range = (file, offset, count) => ({file, offset, count});
+  const beside = await scene({0: range(0, 0, 9), 1: range(1, 0, 3)}, {0: range(0, 9, 4), 1: range(1, 3, 2)});
+  expect('ranges beside one another', beside === 13, beside);
+  const twice = await scene({0: range(0, 0, 9), 1: range(0, 0, 9)});
+  expect('a range for two levels of a leaf', twice === 9, twice);
+  const overlap = await scene({0: range(0, 0, 9), 1: range(1, 0, 3)}, {0: range(0, 5, 5), 1: range(1, 3, 2)});
+  const words = 'ranges of Gaussians overlap in a/meta.json (expected at most 10, found 14)';
+  expect('ranges that overlap', overlap === `lod-meta.json: /tree: ${words}`, overlap);
+}
+
 // Spoilt ones are refused with a sentence, never by a slip of the reader's own.
 const good = randomScene(5, 3, false);
 const own = {version: 1, sh_degree: 3, texture_mode: 'rgba', intersection: 'plane', outside: 'base',

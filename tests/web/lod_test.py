@@ -225,6 +225,18 @@ def check_faults(scene):
     notes = scene.browser.evaluate("element.words.textContent")
     expect("and that is told", "/scene/2_3/meta.json: 503" in notes, notes)
 
+    chunk = scene.server.folder / "0_1/meta.json"
+    text = chunk.read_text()
+    meta = json.loads(text)
+    textures = meta["TG_gaussian_splatting_texture"]
+    textures["intersection"] = "plane" if textures["intersection"] == "maxResponse" else "maxResponse"
+    chunk.write_text(json.dumps(meta))
+    scene.open()
+    found = scene.all_there()
+    chunk.write_text(text)
+    expect("one with another intersection model is not mixed in", sorted(found["levels"]) == [0, 0, 0, 1] and
+           len(found["told"]) == 1 and "/scene/0_1/meta.json: another intersection" in found["told"][0], found)
+
     def told(change, name):
         meta = json.loads((scene.server.folder / "lod-meta.json").read_text())
         change(meta)

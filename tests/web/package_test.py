@@ -249,6 +249,136 @@ def show_many(browser, address, references):
     expect("no word on the element's console", not browser.log, browser.log[:3])
 
 
+# What comes of a promise, or that it does not end.
+ENDS = """const ends = (promise) => Promise.race([promise.then(() => 'done', (error) => error.message),
+    new Promise((done) => setTimeout(done, 20000, 'does not end'))]);
+const make = async (src) => {
+  const element = document.createElement('textured-gaussians');
+  element.told = [];
+  element.addEventListener('error', ({detail}) => element.told.push(detail.error.message));
+  element.style.height = '160px';
+  const loaded = new Promise((done) => ['load', 'error'].forEach((name) => element.addEventListener(name, done)));
+  element.src = src;
+  document.body.prepend(element);
+  await ends(loaded);
+  return element;
+};"""
+# A lossless WebP, and its pixels in a file with a colour profile.
+PROFILED = """(async () => {
+  const {decodeWebp} = await import('/web/src/webp.js');
+  const canvas = new OffscreenCanvas(7, 5), context = canvas.getContext('2d');
+  for (let i = 0; i < 35; ++i) {
+    context.fillStyle = `rgb(${7 * i}, ${255 - 7 * i}, ${i % 5 * 50})`;
+    context.fillRect(i % 7, Math.floor(i / 7), 1, 1);
+  }
+  const plain = new Uint8Array(await (await canvas.convertToBlob({type: 'image/webp', quality: 1})).arrayBuffer());
+  const text = (words) => [...new TextEncoder().encode(words)], size = (bytes) => [bytes & 255, bytes >> 8, 0, 0];
+  const chunk = (name, bytes) => [...text(name), ...size(bytes.length), ...bytes, ...(bytes.length % 2 ? [0] : [])];
+  const at = plain.findIndex((_, i) => String.fromCharCode(...plain.subarray(i, i + 4)) === 'VP8L');
+  const body = [...text('WEBP'), ...chunk('VP8X', [0x20, 0, 0, 0, 6, 0, 0, 4, 0, 0]),
+                ...chunk('ICCP', new Uint8Array(131)), ...plain.subarray(at)];
+  const profiled = Uint8Array.from([...text('RIFF'), ...size(body.length), ...body]);
+  const pictures = [await decodeWebp(plain), await decodeWebp(profiled)];
+  return [String(pictures[0].samples) === String(pictures[1].samples), new Set(pictures[1].samples).size > 30];
+})()"""
+
+
+def show_trouble(browser, address):
+    """Elements whose picture cannot be made: they say so, and hold up no other one."""
+    browser.page("Page.navigate", url=f"{address}/element.html")
+    until(browser, "Boolean((document.querySelector('textured-gaussians') || {}).model)")
+    browser.evaluate(f"{ENDS} window.ends = ends; window.make = make; 0")
+    told = browser.evaluate("""(async () => {
+        const element = await make('scene.glb');
+        element.viewer.draw = () => { throw new Error('drawn badly'); };
+        const words = [await ends(element.viewer.settled()), await ends(element.picture()), ...element.told];
+        delete element.viewer.draw;
+        return [...words, await ends(element.viewer.settled()), (await make('scene.glb')).model !== null];
+    })()""")
+    expect("a picture that cannot be drawn is told to who waits for it", told == ["drawn badly"] * 2 + ["done", True],
+           told)
+    told = browser.evaluate("""(async () => {
+        const [element] = document.querySelectorAll('textured-gaussians');
+        const {viewer} = element, {worker} = viewer.splats.sorter;
+        viewer.orbit.orbit(1, 0);
+        const waits = ends(viewer.settled());
+        worker.terminate();
+        worker.onerror(new Event('error'));
+        const words = [await waits, await ends(viewer.settled()), await ends(viewer.splats.completed())];
+        viewer.changed();
+        return [new Set(words).size === 1, words[0], element.told.length];
+    })()""")
+    words = "The sorting worker failed: the page must allow worker-src blob:"
+    expect("so is a worker that ends", told == [True, words, 0], told)
+    told = browser.evaluate("""(async () => {
+        const {viewer} = await make('scene.glb');
+        viewer.orbit.orbit(1, 0);
+        const waits = ends(viewer.settled());
+        viewer.dispose();
+        return [await waits, await ends(viewer.settled())];
+    })()""")
+    expect("so is a viewer that is disposed of", told == ["the viewer was disposed of"] * 2, told)
+    told = browser.evaluate("""(async () => {
+        const element = await make('scene.glb');
+        let tries = 0;
+        const {open} = element.viewer;
+        element.viewer.open = () => { ++tries; return Promise.reject(new Error('does not fit')); };
+        const failed = new Promise((done) => element.addEventListener('error', done, {once: true}));
+        element.src = 'scene.glb?larger';
+        await failed;
+        const turned = () => new WheelEvent('wheel', {deltaY: 10, cancelable: true});
+        for (let i = 0; i < 3; ++i) element.canvas.dispatchEvent(turned());
+        element.canvas.dispatchEvent(new Event('focus'));
+        const asked = await ends(element.picture());
+        const before = [tries, element.told.length, asked];
+        element.viewer.open = open;
+        const loaded = new Promise((done) => element.addEventListener('load', () => done(true), {once: true}));
+        element.src = 'scene.glb?other';
+        const words = [...before, await ends(loaded), element.model === element.loaded.model];
+        element.setAttribute('alt', 'a fox');
+        return [...words, element.canvas.getAttribute('aria-label')];
+    })()""")
+    expect("a model that was refused is put on the device once, the next one is shown, and a new name is told",
+           told == [1, 1, "does not fit", "done", True, "a fox"], told)
+    flights = browser.evaluate("""(async () => {
+        const {viewer} = await make('scene.glb');
+        const stops = [() => viewer.play(false), () => viewer.jump(0), () => viewer.moved(), () => {}], flown = [];
+        for (const stop of stops) {
+          const waits = viewer.settled();
+          const told = [viewer.play(), viewer.playing];
+          stop();
+          await waits;
+          await new Promise((done) => setTimeout(done, 100));
+          flown.push([...told, viewer.playing, viewer.flight !== null]);
+          viewer.play(false);
+        }
+        return flown;
+    })()""")
+    expect("a flight that waits for a picture is given up like one that flies",
+           flights == [[True, True, False, False]] * 3 + [[True] * 4], flights)
+    # A button that goes down on an element and up while it is away.
+    x, y = browser.middle("textured-gaussians")
+    browser.page("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", buttons=1, clickCount=1)
+    browser.evaluate("window.taken = document.querySelector('textured-gaussians'); taken.remove(); 0")
+    browser.page("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, button="left", clickCount=1)
+    browser.evaluate("document.body.prepend(taken); window.text = taken.viewer.viewText; 0")
+    for step in (10, 20, 30):
+        browser.page("Input.dispatchMouseEvent", type="mouseMoved", x=x + step, y=y)
+    expect("a hand without a button turns nothing", browser.evaluate("taken.viewer.viewText === text"))
+    browser.drag(x, y, 20, 0)
+    expect("one with a button does", browser.evaluate("taken.viewer.viewText !== text"))
+    found = browser.evaluate(PROFILED)
+    expect("a WebP with a colour profile has the same numbers", found == [True, True], found)
+    told = browser.evaluate("""(async () => {
+        const meta = document.createElement('meta');
+        meta.httpEquiv = 'Content-Security-Policy';
+        meta.content = "worker-src 'none'";
+        document.head.append(meta);
+        return [await make('scene.glb'), await make('scene.glb')].map(({told}) => told[0]);
+    })()""")
+    expect("a page that allows no worker is told what to allow", told == [words] * 2, told)
+
+
 # Means of what Splats draw in a context of an engine's, and after it was lost and is there again.
 LOSE_CONTEXT = """(async () => {
   const {Splats, loadModel, matricesOf} = await import('/web/src/index.js');
@@ -414,6 +544,7 @@ def main():
                     before, after = browser.evaluate(LOSE_CONTEXT)
                     expect("splats made anew in a context that was lost are seen", before > 10 and before == after,
                            [before, after])
+                    show_trouble(browser, server.address)
                 else:
                     show_engine(browser, server.address, name, {k: v for k, v in references.items()})
     return 1 if failures else 0

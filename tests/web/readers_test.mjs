@@ -3,9 +3,12 @@
 // read is refused with a sentence, never by a slip of the reader's own. WebP needs a browser: tests/web/package_test.py.
 import {readFileSync} from 'node:fs';
 import {cameraOf, matricesOf, readModel} from '../../web/src/index.js';
+import {unpackMeshopt} from '../../web/src/meshopt.js';
 import {GAUSSIAN_NUMBERS, packGaussian} from '../../web/src/pack.js';
+import {readSogParts} from '../../web/src/sog.js';
 import {readZip} from '../../web/src/zip.js';
 import {formatView, parseView} from '../../web/src/view_text.js';
+import {plainWebp, webpSize} from '../../web/src/webp.js';
 
 const failures = [];
 const expect = (what, ok, found = '') => {
@@ -79,15 +82,18 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
   const kept = [first, second].map(({attributes}) => attributes['KHR_gaussian_splatting:SCALE']);
   for (const {attributes} of [first, second]) attributes['KHR_gaussian_splatting:SCALE'] = attributes.POSITION;
   const early = await readModel(fileOf([first, second]));
-  let noted = 0;
+  let noted = 0, signs = 0;
   for (const [from, to] of [[0, cut], [cut, model.count]]) {
     const own = [...early.mean.subarray(3 * from, 3 * to)];
     const below = own.filter((x, k) => k % 3 === 0 && Math.min(x, own[k + 1], own[k + 2]) < 0).length;
-    const logarithms = 2 * below >= to - from, right = logarithms ? own.map((x) => Math.fround(Math.exp(x))) : own;
+    const logarithms = 2 * below >= to - from;
+    const right = own.map((x) => (logarithms ? Math.fround(Math.exp(x)) : Math.abs(x)));
     noted += logarithms;
+    signs += logarithms ? 0 : below;
     expect(`scales ${from} to ${to}`, equal(early.scale.subarray(3 * from, 3 * to), right));
   }
-  expect('logarithms are told', noted > 0 && early.notes.length === noted && early.notes[0].includes('logarithms'),
+  const ofLogarithms = early.notes.filter((note) => note.includes('logarithms')).length;
+  expect('logarithms are told', noted > 0 && ofLogarithms === noted && early.notes.length === noted + (signs > 0),
          early.notes);
   [first, second].forEach(({attributes}, k) => attributes['KHR_gaussian_splatting:SCALE'] = kept[k]);
   // A scale to use with the textures: any accessor of its type.
@@ -103,7 +109,8 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
   }
   // Under a node that moves and scales all; under one that turns it, and with linear light, it is refused.
   const above = {children: [gltf.nodes.findIndex((node) => node.mesh === 0)], translation: [1, 2, 3], scale: [3, 3, 3]};
-  gltf.nodes.push(above);
+  const roots = gltf.scenes[0].nodes;
+  gltf.scenes[0].nodes = [gltf.nodes.push(above) - 1];
   const below = await readModel(fileOf([first, second]));
   expect('scale under a node', Math.abs(below.scale[5] / scaled.scale[5] - 3) < 1e-6, below.scale[5]);
   expect('place under a node', Math.abs(below.mean[4] - (2 + 3 * scaled.mean[4])) < 1e-5, below.mean[4]);
@@ -111,12 +118,255 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
   const told = async () => readModel(fileOf([first, second])).then(() => 'read', (error) => error.message);
   expect('a turn above is told', (await told()).includes('transform that is not supported'), await told());
   gltf.nodes.pop();
+  gltf.scenes[0].nodes = roots;
   first.extensions.KHR_gaussian_splatting.colorSpace = 'lin_rec709_display';
   expect('linear colours are told', (await told()).includes('colours are linear'), await told());
   first.extensions.KHR_gaussian_splatting.colorSpace = 'srgb_rec709_display';
   delete second.extensions.KHR_gaussian_splatting.extensions;
   const odd = await readModel(fileOf([first, second]));
   expect('textures of one primitive alone are told', odd.layer === null && odd.notes.length === 1, odd.notes);
+}
+
+const SPLATS = 'KHR_gaussian_splatting', TEXTURES = 'TG_gaussian_splatting_texture';
+const jsonOf = () => JSON.parse(new TextDecoder().decode(original.subarray(20, 20 + jsonBytes)));
+
+// The file with other JSON, other bytes of its buffer, and some behind them, which the last view then has.
+function madeFile(change, {spoil = () => {}, more = null, stride} = {}) {
+  const gltf = jsonOf();
+  const binary = original.slice(28 + jsonBytes);
+  if (more) {
+    const byteOffset = binary.length;
+    gltf.bufferViews.push({buffer: 0, byteOffset, byteLength: more.length, ...(stride ? {byteStride: stride} : {})});
+    gltf.buffers[0].byteLength = byteOffset + more.length;
+  }
+  change(gltf, gltf.meshes[0].primitives[0]);
+  const at = (name) => {
+    const accessor = gltf.accessors[gltf.meshes[0].primitives[0].attributes[name]];
+    return gltf.bufferViews[accessor.bufferView].byteOffset + (accessor.byteOffset || 0);
+  };
+  spoil(new DataView(binary.buffer), at, gltf);
+  const text = JSON.stringify(gltf), json = new TextEncoder().encode(text.padEnd(Math.ceil(text.length / 4) * 4));
+  const own = Math.ceil((binary.length + (more ? more.length : 0)) / 4) * 4;
+  const file = new Uint8Array(28 + json.length + own);
+  new Uint32Array(file.buffer, 0, 5).set([0x46546C67, 2, file.length, json.length, 0x4E4F534A]);
+  file.set(json, 20);
+  new DataView(file.buffer).setUint32(20 + json.length, own, true);
+  new DataView(file.buffer).setUint32(24 + json.length, 0x004E4942, true);
+  file.set(binary, 28 + json.length);
+  if (more) file.set(more, 28 + json.length + binary.length);
+  return file;
+}
+const layerOf = (primitive) => primitive.extensions[SPLATS].extensions[TEXTURES];
+const toldOf = (promise) => promise.then(() => 'read', (error) => error.message);
+const noteOf = async (change, options) => {
+  const {layer, notes} = await readModel(madeFile(change, options));
+  return layer === null && notes.length === 1 ? notes[0] : `${notes} (${layer ? 'textures' : 'none'})`;
+};
+
+// Names that every object has stand for nothing.
+for (const name of ['constructor', 'toString', '__proto__', 'hasOwnProperty']) {
+  for (const key of ['mode', 'intersection']) {
+    const note = await noteOf((_, primitive) => { layerOf(primitive)[key] = name; });
+    expect(`${key} ${name}`, note.includes(`${key} "${name}" is not supported (expected `), note);
+  }
+  const plain = await readModel(madeFile((gltf, primitive) => {
+    delete primitive.extensions[SPLATS].extensions;
+    gltf.asset.extras = {textured_gaussians: {intersection: name, outside: name}};
+  }));
+  expect(`extras of ${name}`, plain.intersection === 1 && plain.outside === 0, [plain.intersection, plain.outside]);
+  const packed = {count: 4, byteStride: 8, mode: 'ATTRIBUTES', filter: name};
+  const told = await toldOf(unpackMeshopt(packed, new Uint8Array(99)));
+  expect(`filter ${name}`, told === `packed by ATTRIBUTES ${name} (not supported)`, told);
+  const type = await toldOf(readModel(madeFile((gltf) => { gltf.accessors[0].componentType = name; })));
+  expect(`component type ${name}`, type.endsWith('not supported'), type);
+}
+
+// Values that the extension does not know, and kinds of numbers that its rules do not allow.
+for (const [key, value] of [['intersection', ''], ['intersection', 0], ['extent', 0], ['extent', 2], ['filter', ''],
+                            ['filter', 'nearest']]) {
+  const note = await noteOf((_, primitive) => { layerOf(primitive)[key] = value; });
+  expect(`${key} ${JSON.stringify(value)}`, note.includes(`${key} ${JSON.stringify(value)} is not supported`), note);
+}
+{
+  const rect = `${TEXTURES}:RECT`, atlas = `${TEXTURES}:ATLAS`;
+  const withAtlas = (accessor) => (gltf, primitive) => {
+    primitive.attributes[atlas] = gltf.accessors.push({bufferView: gltf.bufferViews.length - 1, componentType: 5121,
+                                                       type: 'SCALAR', count: 4, ...accessor}) - 1;
+  };
+  const pages = {more: Uint8Array.of(0, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0), stride: 4};
+  for (const change of [{normalized: true}, {componentType: 5122}]) {
+    const note = await noteOf((gltf, {attributes}) => Object.assign(gltf.accessors[attributes[rect]], change));
+    expect('RECT of another type', note.includes('RECT: wrong component type (expected 5123, not normalized'), note);
+    const other = await noteOf(withAtlas(change), pages);
+    expect('ATLAS likewise', other.includes('ATLAS: wrong component type (expected 5121, not normalized'), other);
+  }
+  const named = await noteOf(withAtlas({}), pages);
+  expect('an atlas that there is not', named.includes('splat 1: names no atlas (expected below 1, found 9)'), named);
+  for (const side of [2, 3]) {  // of no width, or of no height
+    const {layer, notes} = await readModel(madeFile(withAtlas({}), {
+      ...pages, spoil: (view, at) => view.setUint16(at(rect) + 8 + 2 * side, 0, true)}));
+    expect('a splat without a texture may name any atlas', layer !== null && notes.length === 0, notes);
+    expect('and names the first one', layer && layer.pages[1] === 0 && !layer.rects.subarray(4, 8).some(Boolean),
+           layer && [...layer.pages, ...layer.rects]);
+  }
+  // What is to be decoded has a bound, which headers tell.
+  const many = await noteOf((_, primitive) => {
+    layerOf(primitive).atlases = new Array(256).fill(layerOf(primitive).atlases[0]);
+  });
+  expect('256 atlases', many.includes('(expected an array of 1 to 255, found 256)'), many);
+  for (const atlases of [[], {length: 1}, 'x']) {
+    const note = await noteOf((_, primitive) => { layerOf(primitive).atlases = atlases; });
+    expect('no atlases', note.includes('expected an array of 1 to 255'), note);
+  }
+  const large = await noteOf((_, primitive) => {
+    layerOf(primitive).atlases = new Array(3).fill(layerOf(primitive).atlases[0]);
+  }, {spoil: (view, at, gltf) => {
+    for (const {bufferView} of gltf.images) {
+      for (const to of [16, 20]) view.setUint32(gltf.bufferViews[bufferView].byteOffset + to, 8192);
+    }
+  }});
+  expect('5 images of 2^26 texels', large.includes('expected at most 268435456 texels in all, found 335544320'), large);
+}
+
+// Splats that no model has are put right as tgconvert does.
+{
+  const own = (name) => `${SPLATS}:${name}`;
+  const put = (name, at, value) => (view, start) => view.setFloat32(start(name) + 4 * at, value, true);
+  const spoil = (...changes) => ({spoil: (...given) => changes.forEach((change) => change(...given))});
+  const file = madeFile(() => {});
+  const untouched = await readModel(file);
+  expect('what is fine is the file\'s bytes', untouched.mean.buffer === file.buffer && untouched.notes.length === 0);
+  const spoilt = madeFile(() => {}, spoil(put(own('SCALE'), 1, -2), put(own('SCALE'), 2, -3),
+                                          put(own('OPACITY'), 2, 1.5), put(`${TEXTURES}:OPACITY`, 3, -1)));
+  const before = spoilt.slice();
+  const mended = await readModel(spoilt);
+  expect('signs and opacities are mended', mended.count === 4 && mended.scale[1] === 2 && mended.scale[2] === 3 &&
+         mended.opacity[2] === 1 && mended.layer.opacity[3] === 0, [...mended.scale, ...mended.opacity]);
+  expect('and told', mended.notes.join(' ') === '2 splats with an opacity outside [0, 1]: clamped. ' +
+         '1 splats with a negative scale: sign dropped.', mended.notes);
+  expect('not in the file\'s bytes', before.every((x, k) => x === spoilt[k]));
+  const without = (list, width) => [...list].filter((_, k) => Math.floor(k / width) !== 1);
+  const same = (list, from, width) => String([...list]) === String(without(from, width));
+  const places = [put('POSITION', 3, NaN), put('POSITION', 5, Infinity), put(own('ROTATION'), 4, NaN),
+                  put(own('SCALE'), 4, NaN), put(own('OPACITY'), 1, NaN), put(own('SH_DEGREE_0_COEF_0'), 4, -Infinity),
+                  put(`${TEXTURES}:OPACITY`, 1, NaN), put(`${TEXTURES}:SH_DEGREE_0_COEF_0`, 5, NaN),
+                  (...given) => [4, 5, 6, 7].forEach((k) => put(own('ROTATION'), k, 0)(...given))];
+  for (const [k, place] of places.entries()) {
+    const {count, mean, rotation, scale, opacity, sh, layer, notes} = await readModel(madeFile(() => {}, spoil(place)));
+    expect(`splat ${k} is dropped`, count === 3 && notes.join() ===
+           '1 splats with values that are not finite or a quaternion of length 0: dropped.', notes);
+    expect('the others stay', same(mean, model.mean, 3) && same(rotation, model.rotation, 4) &&
+           same(scale, model.scale, 3) && same(opacity, model.opacity, 1) && same(sh[0], model.sh[0], 3));
+    expect('and their textures', same(layer.rects, model.layer.rects, 4) &&
+           same(layer.opacity, model.layer.opacity, 1) && same(layer.dc, model.layer.dc, 3));
+  }
+  const none = await toldOf(readModel(madeFile(() => {}, spoil(...[0, 3, 6, 9].map((k) => put('POSITION', k, NaN))))));
+  expect('a model of nothing else is refused', none === 'no splat is left: none had finite values', none);
+}
+
+// Of the default scene's nodes alone, which neither mirror nor flatten.
+{
+  const under = (...scales) => (gltf) => {
+    const [{nodes}] = gltf.scenes;
+    for (const [k, factor] of scales.entries()) {
+      const scale = [factor, factor, factor];
+      if (k === 0) gltf.nodes[0].scale = scale;
+      else nodes[0] = gltf.nodes.push({children: [nodes[0]], scale}) - 1;
+    }
+  };
+  for (const [scales, words] of [[[0], 'mirrors or flattens'], [[-1], 'mirrors or flattens'], [[-1, -1], 'read'],
+                                 [[1, -2], 'mirrors or flattens'], [[1e200, 1e200], 'not finite']]) {
+    const told = await toldOf(readModel(madeFile(under(...scales))));
+    expect(`scales of ${scales}`, told.includes(words), told);
+  }
+  const scenes = [
+    ['of another scene', (gltf) => { gltf.scenes = [{nodes: [1]}, {nodes: [0]}]; }, 'the scene holds no splats'],
+    ['of none', (gltf) => { gltf.scenes = [{}]; }, 'the scene holds no splats'],
+    ['of the scene that is shown', (gltf) => Object.assign(gltf, {scenes: [{}, {nodes: [0]}], scene: 1}), 'read'],
+    ['where there is no such', (gltf) => { gltf.scene = 7; }, '/scene: names no scene (expected below 1, found 7)'],
+    ['of a file without scenes', (gltf) => { delete gltf.scenes; }, 'read'],
+    ['in a ring', (gltf) => { gltf.nodes[0].children = [0]; }, '/nodes/0: is reached twice'],
+    ['below a node that there is not', (gltf) => { gltf.scenes[0].nodes.push(9); }, '/nodes/9: missing'],
+  ];
+  for (const [what, change, words] of scenes) {
+    const told = await toldOf(readModel(madeFile(change)));
+    expect(`splats ${what}`, told.startsWith(words), told);
+  }
+  const {cameras} = await readModel(madeFile((gltf) => { gltf.scenes[0].nodes = [0]; }));
+  expect('cameras of other scenes are none', cameras.length === 0 && model.cameras.length === 1, cameras.length);
+}
+
+// SOG: room only for what a file's images hold, and names as above.
+{
+  const shape = {means: {mins: [0, 0, 0], maxs: [1, 1, 1], files: ['means_l.webp', 'means_u.webp']}};
+  const told = (meta, bytes) => toldOf(readSogParts({version: 2, ...shape, ...meta}, new Map(), bytes));
+  const many = await told({count: 1300000}, 300000);
+  expect('too few bytes', many === 'meta.json: count 1300000 (expected 1 to 1200000 in 300000 bytes)', many);
+  const huge = await told({count: 4e9}, 1e9);
+  expect('no room before there are images', huge === 'there is no image "means_l.webp"', huge);
+
+  // A decoder of a browser's kind that gives grey pixels of the size that a file names.
+  globalThis.ImageDecoder = class {
+    constructor({data}) { this.data = data; }
+    async decode() {
+      const {width, height} = webpSize(this.data);
+      const copyTo = async (samples) => samples.fill(128);
+      return {image: {format: 'RGBX', codedWidth: width, codedHeight: height, copyTo, close() {}}};
+    }
+    close() {}
+  };
+  const image = new Uint8Array(25);
+  new DataView(image.buffer).setUint32(0, 0x52494646);
+  new DataView(image.buffer).setUint32(8, 0x57454250);
+  new DataView(image.buffer).setUint32(12, 0x5650384C);
+  image.set([5, 0, 0, 0, 0x2F, 7, 0xC0, 1, 0], 16);  // 8 x 8
+  const part = (...files) => ({files, codebook: [0, 1]});
+  const entries = new Map(['a', 'b'].map((name) => [name, async () => image]));
+  const read = (more) => readSogParts({version: 2, count: 50, means: {...shape.means, files: ['a', 'b']},
+                                       scales: part('a'), quats: part('a'), sh0: part('a'), ...more}, entries, 1000);
+  const plain = await read({});
+  expect('a SOG is read', plain.count === 50 && plain.mean.length === 150 && plain.notes.length === 0, plain.notes);
+  for (const name of ['constructor', 'toString', '__proto__']) {
+    for (const key of ['mode', 'intersection', 'outside']) {
+      const textures = {version: 1, mode: 'rgba', intersection: 'plane', outside: 'base', [key]: name, steps: [1, 1]};
+      const {layer, notes} = await read({[TEXTURES]: textures});
+      expect(`${key} ${name} of a SOG`, layer === null && String(notes).includes(`${key} "${name}"`), notes);
+    }
+  }
+  for (const bands of ['length', 4, 'constructor', null]) {
+    const words = await toldOf(read({shN: {...part('a', 'b'), bands, count: 64}}));
+    expect(`SH of ${bands} bands`, words === `meta.json: shN: bands ${bands} (expected 0 to 3)`, words);
+  }
+}
+
+// WebP: the pixels, whatever stands around them.
+{
+  const chunk = (name, ...bytes) => {
+    const size = [bytes.length & 255, bytes.length >> 8, 0, 0];
+    return [...new TextEncoder().encode(name), ...size, ...bytes, ...(bytes.length % 2 ? [0] : [])];
+  };
+  const file = (...chunks) => {
+    const body = [...new TextEncoder().encode('WEBP'), ...chunks.flat()];
+    return Uint8Array.from([...new TextEncoder().encode('RIFF'), body.length, 0, 0, 0, ...body]);
+  };
+  const pixels = chunk('VP8L', 0x2F, 4, 0xC0, 0, 0, 1, 2), extended = chunk('VP8X', 0x20, 0, 0, 0, 4, 0, 0, 3, 0, 0);
+  const simple = file(pixels), profiled = file(extended, chunk('ICCP', 1, 2, 3), pixels, chunk('EXIF', 1, 2));
+  for (const bytes of [simple, profiled]) {
+    const {width, height} = webpSize(bytes);
+    expect('the size of a WebP', width === 5 && height === 4, [width, height]);
+    expect('a WebP without extras', String(plainWebp(bytes)) === String(simple), plainWebp(bytes));
+  }
+  const others = [[file(chunk('VP8 ', ...new Array(20).fill(0))), 'WebP: lossy (expected lossless)'],
+                  [file(extended, chunk('ALPH', 0), chunk('VP8 ', 0, 0)), 'WebP: lossy (expected lossless)'],
+                  [file(extended, chunk('ANIM', 0, 0, 0, 0, 0, 0)), 'WebP: an animation (expected a single picture)'],
+                  [file(extended), 'WebP: no pixels (expected a chunk VP8L)'],
+                  [simple.slice(0, simple.length - 2), 'WebP: the file ends early'],
+                  [new Uint8Array(30), 'an image is no WebP file']];
+  for (const [bytes, words] of others) {
+    let told = 'read';
+    try { webpSize(bytes); } catch (error) { told = error.message; }
+    expect('a WebP that is not read', told === words, told);
+  }
 }
 
 // Cameras to matrices and back, with a model that is moved, turned and scaled.

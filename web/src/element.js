@@ -28,7 +28,7 @@ function makeRoom() {
 }
 
 export class TexturedGaussiansElement extends HTMLElement {
-  static get observedAttributes() { return ['src', ...SETTINGS]; }
+  static get observedAttributes() { return ['src', 'alt', ...SETTINGS]; }
 
   constructor() {
     super();
@@ -40,6 +40,7 @@ export class TexturedGaussiansElement extends HTMLElement {
     this.inView = false;
     this.loading = null;   // the address that is being read
     this.loaded = null;    // {address, model} of what was read last
+    this.refused = null;   // {model, error}: the one that could not be shown, and why
     this.stop = null;
     this.reasons = {};     // by attribute, why it does nothing
     this.watcher = new ResizeObserver(() => this.viewer && this.viewer.changed());
@@ -57,7 +58,7 @@ export class TexturedGaussiansElement extends HTMLElement {
   }
 
   connectedCallback() {
-    this.canvas.setAttribute('aria-label', this.getAttribute('alt') || '3D view of a model');
+    this.label();
     this.watcher.observe(this);
     this.lookout.observe(this);
     if (this.loaded && this.loaded.address === this.src) this.look();
@@ -77,7 +78,10 @@ export class TexturedGaussiansElement extends HTMLElement {
 
   attributeChangedCallback(name, before, value) {
     if (name === 'src') {
+      this.refused = null;
       if (this.isConnected) this.open();
+    } else if (name === 'alt') {
+      this.label();
     } else if (this.model) {
       this.wake().then(() => {
         if (value === null) this.viewer.reset(name);
@@ -85,6 +89,8 @@ export class TexturedGaussiansElement extends HTMLElement {
       }).catch((error) => this.fail(error));
     }
   }
+
+  label() { this.canvas.setAttribute('aria-label', this.getAttribute('alt') || '3D view of a model'); }
 
   get src() { return this.getAttribute('src') || ''; }
   set src(address) { this.setAttribute('src', address); }
@@ -129,12 +135,17 @@ export class TexturedGaussiansElement extends HTMLElement {
     return shown;
   }
 
-  look() { this.wake().catch((error) => this.fail(error)); }
+  // Not for a model that was refused, which every move of a wheel would upload again.
+  look() {
+    if (this.refused && this.loaded && this.refused.model === this.loaded.model) return;
+    this.wake().catch((error) => this.fail(error));
+  }
 
   async show() {
     if (!this.isConnected || !this.loaded) return;
     const {model} = this.loaded;
     if (awake.includes(this) && this.model === model) return;
+    if (this.refused && this.refused.model === model) throw this.refused.error;
     if (!awake.includes(this)) {
       makeRoom();
       if (this.viewer) {
@@ -154,7 +165,10 @@ export class TexturedGaussiansElement extends HTMLElement {
     }
     try {
       if (this.model !== model) {
-        await this.viewer.open(model);
+        await this.viewer.open(model).catch((error) => {
+          this.refused = {model, error};
+          throw error;
+        });
         this.apply(SETTINGS);
       }
       await this.viewer.settled();

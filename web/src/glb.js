@@ -2,8 +2,9 @@
 // Reads a GLB with KHR_gaussian_splatting and TG_gaussian_splatting_texture (docs/gltf.md) into plain arrays.
 import {breathe} from './breathe.js';
 import {unpackMeshopt} from './meshopt.js';
-import {decodePng} from './png.js';
-import {decodeWebp} from './webp.js';
+import {valueNamed} from './names.js';
+import {decodePng, pngSize} from './png.js';
+import {decodeWebp, webpSize} from './webp.js';
 
 const SPLATS = 'KHR_gaussian_splatting';
 export const TEXTURES = 'TG_gaussian_splatting_texture';
@@ -21,6 +22,11 @@ const WIDTHS = {SCALAR: 1, VEC3: 3, VEC4: 4};
 export const MODES = {alpha: 1, rgb: 2, rgba: 3};             // kMode* of shaders/shared/limits.h
 export const INTERSECTIONS = {plane: 0, maxResponse: 1};      // kIntersect*
 export const OUTSIDES = {base: 0, clip: 1, edge: 2};          // kOutside*
+const MOST_ATLASES = 255;
+const MOST_ATLASES_TEXELS = 1 << 28;  // of all images of a layer, as tgconvert has it; MAX_ATLAS_TEXELS each
+const LEAST_NORM2 = 1e-12;            // of a quaternion that turns
+const NUMBERS_AT_A_TIME = 65536;      // between two looks at the clock
+const NODES_TO_BREATHE = 4096;
 
 class GlbFile {
   constructor(bytes) {
@@ -30,7 +36,7 @@ class GlbFile {
     if (view.getUint32(8, true) !== bytes.length) throw new Error('the GLB is cut off');
     const jsonBytes = view.getUint32(12, true);
     if (20 + jsonBytes > bytes.length) throw new Error('the GLB is cut off');
-    this.json = JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes)));
+    this.json = Object(JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes))));
     this.binary = bytes.subarray(Math.min(20 + jsonBytes + 8, bytes.length));
   }
 
@@ -62,7 +68,7 @@ class GlbFile {
   async accessor(index, width, count, raw = false) {
     const where = `/accessors/${index}`;
     const accessor = this.list('accessors')[index];
-    const component = accessor && COMPONENTS[accessor.componentType];
+    const component = accessor && valueNamed(COMPONENTS, String(accessor.componentType));
     if (!component || accessor.bufferView === undefined || accessor.sparse) throw new Error(`${where}: not supported`);
     if (WIDTHS[accessor.type] !== width) throw new Error(`${where}: wrong type ${accessor.type}`);
     if (accessor.count !== count) throw new Error(`${where}: wrong count (expected ${count}, found ${accessor.count})`);
@@ -90,23 +96,54 @@ class GlbFile {
   }
 }
 
-// The one node of the scene whose mesh has splats, and those primitives.
-function findSplats(file) {
+const listOf = (value) => (Array.isArray(value) ? value : []);
+
+// Indices of the nodes that the default scene, the first one where none is, begins with; of a file without scenes those
+// that are no other node's children.
+function rootsOf(file) {
+  const scenes = file.list('scenes'), {scene = 0} = file.json;
+  if (scenes.length > 0) {
+    if (scenes[scene]) return listOf(scenes[scene].nodes);
+    throw new Error(`/scene: names no scene (expected below ${scenes.length}, found ${scene})`);
+  }
+  const nodes = file.list('nodes'), below = new Set();
+  for (const node of nodes) for (const child of listOf(Object(node).children)) below.add(child);
+  return [...nodes.keys()].filter((index) => !below.has(index));
+}
+
+// The nodes of the scene, [{node, index, above: the one of these that it stands under, or null}].
+async function placedNodes(file) {
+  const nodes = file.list('nodes'), seen = new Set(), placed = [];
+  const add = (index, above) => {
+    if (!nodes[index]) throw new Error(`/nodes/${index}: missing`);
+    if (seen.has(index)) throw new Error(`/nodes/${index}: is reached twice (expected a tree)`);
+    seen.add(index);
+    placed.push({node: nodes[index], index, above});
+  };
+  for (const root of rootsOf(file)) add(root, null);
+  for (let next = 0; next < placed.length; ++next) {
+    if (next % NODES_TO_BREATHE === 0) await breathe();
+    for (const child of listOf(placed[next].node.children)) add(child, placed[next]);
+  }
+  return placed;
+}
+
+// The one node of the scene whose mesh has splats, as placedNodes() has it, and those primitives.
+function findSplats(file, nodes) {
   const found = [];
-  for (const node of file.list('nodes')) {
-    const mesh = file.list('meshes')[node.mesh];
-    for (const primitive of (mesh && mesh.primitives) || []) {
-      if (primitive.extensions && primitive.extensions[SPLATS]) found.push({node, primitive});
+  for (const placed of nodes) {
+    for (const primitive of listOf(Object(file.list('meshes')[placed.node.mesh]).primitives)) {
+      if (primitive && primitive.extensions && primitive.extensions[SPLATS]) found.push({placed, primitive});
     }
   }
-  if (found.length === 0) throw new Error(`expected a primitive with ${SPLATS}, found none`);
-  const [{node}] = found;
-  if (found.some((other) => other.node !== node)) throw new Error('the splats stand under several nodes');
-  return {node, primitives: found.map(({primitive}) => primitive)};
+  if (found.length === 0) throw new Error(`the scene holds no splats (expected a primitive with ${SPLATS})`);
+  const [{placed}] = found;
+  if (found.some((other) => other.placed !== placed)) throw new Error('the splats stand under several nodes');
+  return {placed, primitives: found.map(({primitive}) => primitive)};
 }
 
 function attributeOf(primitive, name) {
-  const index = primitive.attributes[name];
+  const index = Object(primitive.attributes)[name];
   if (index === undefined) throw new Error(`the splats have no ${name}`);
   return index;
 }
@@ -119,49 +156,75 @@ function countOf(file, primitive) {
 }
 
 // A node may move and scale uniformly (as quantised positions need); turning would have to turn the SH too.
-function placeOf(node) {
-  const rotation = node.rotation || [0, 0, 0, 1], scale = node.scale || [1, 1, 1];
-  const turned = Math.hypot(rotation[0], rotation[1], rotation[2]) > 1e-6;
-  if (node.matrix || turned || scale[0] !== scale[1] || scale[0] !== scale[2]) {
-    throw new Error('the splats stand under a transform that is not supported (tgconvert applies it)');
+function placeOf({node, index}) {
+  const {translation = [0, 0, 0], rotation = [0, 0, 0, 1], scale = [1, 1, 1]} = node;
+  const numbers = isNumbers(translation, 3) && isNumbers(rotation, 4) && isNumbers(scale, 3);
+  const turned = !(Math.hypot(rotation[0], rotation[1], rotation[2]) < 1e-6 * Math.abs(rotation[3]));
+  if (node.matrix || !numbers || turned || scale[0] !== scale[1] || scale[0] !== scale[2]) {
+    throw new Error(`/nodes/${index}: the splats stand under a transform that is not supported (tgconvert applies it)`);
   }
-  return {translation: node.translation || [0, 0, 0], scale: scale[0]};
+  return {translation, scale: scale[0]};
 }
 
-// The node above each that has one.
-function parentsOf(file) {
-  const nodes = file.list('nodes'), parents = new Map();
-  for (const node of nodes) {
-    for (const child of Array.isArray(node.children) ? node.children : []) parents.set(nodes[child], node);
-  }
-  return parents;
-}
-
-// In the scene; a ring of nodes has none.
-function placeBelow(node, parents) {
-  const place = {translation: [0, 0, 0], scale: 1}, seen = new Set();
-  for (let at = node; at; at = parents.get(at)) {
-    if (seen.has(at)) throw new Error('nodes are their own ancestors');
-    seen.add(at);
+// In the scene.
+function placeInScene(placed) {
+  const place = {translation: [0, 0, 0], scale: 1};
+  for (let at = placed; at; at = at.above) {
     const {translation, scale} = placeOf(at);
     place.translation = place.translation.map((x, k) => translation[k] + scale * x);
     place.scale *= scale;
   }
+  const where = `/nodes/${placed.index}`;
+  if (![place.scale, ...place.translation].every(Number.isFinite)) {
+    throw new Error(`${where}: the transform is not finite (expected finite numbers)`);
+  }
+  if (!(place.scale > 0)) {
+    throw new Error(`${where}: the transform mirrors or flattens (expected a scale above 0, found ${place.scale})`);
+  }
   return place;
 }
 
-async function readAtlas(file, entry, mode) {
+// An image of an atlas by way of a texture, {width, height, decode: gives its numbers}.
+async function openImage(file, index) {
+  const texture = file.list('textures')[index];
+  const webp = texture && texture.extensions && texture.extensions[WEBP];
+  const source = texture && file.list('images')[(webp || texture).source];
+  if (!source || source.bufferView === undefined) throw new Error('an atlas has no image in the file');
+  const {bytes} = await file.viewBytes(source.bufferView);
+  return webp ? {...webpSize(bytes), decode: () => decodeWebp(bytes)}
+              : {...pngSize(bytes), decode: () => decodePng(bytes)};
+}
+
+// The images that a mode wants of each atlas, [{color, alpha}], none of them decoded: their headers say whether they
+// are too large.
+async function openAtlases(file, entries, mode) {
+  if (!Array.isArray(entries) || entries.length === 0 || entries.length > MOST_ATLASES) {
+    const found = Array.isArray(entries) ? entries.length : 'none';
+    throw new Error(`no atlases, or too many (expected an array of 1 to ${MOST_ATLASES}, found ${found})`);
+  }
+  const opened = [];
+  let texels = 0;
+  const open = async (wanted, index) => {
+    if (!wanted) return null;
+    const image = await openImage(file, index);
+    texels += image.width * image.height;
+    if (texels > MOST_ATLASES_TEXELS) {
+      const limits = `expected at most ${MOST_ATLASES_TEXELS} texels in all, found ${texels} so far`;
+      throw new Error(`the atlases are too large (${limits})`);
+    }
+    return image;
+  };
+  for (const entry of entries.map(Object)) {
+    opened.push({color: await open(mode & MODES.rgb, entry.color), alpha: await open(mode & MODES.alpha, entry.alpha)});
+  }
+  return opened;
+}
+
+async function readAtlas(entry, images) {
   const {scale = [1, 1, 1, 1], offset = [0, 0, 0, 0]} = Object(entry);
   if (!isNumbers(scale, 4) || !isNumbers(offset, 4)) throw new Error('scale or offset of an atlas is wrong');
-  const image = async (index) => {
-    const texture = file.list('textures')[index];
-    const webp = texture && texture.extensions && texture.extensions[WEBP];
-    const source = texture && file.list('images')[(webp || texture).source];
-    if (!source || source.bufferView === undefined) throw new Error('an atlas has no image in the file');
-    return (webp ? decodeWebp : decodePng)((await file.viewBytes(source.bufferView)).bytes);
-  };
-  const color = mode & MODES.rgb ? await image(entry.color) : null;
-  const alpha = mode & MODES.alpha ? await image(entry.alpha) : null;
+  const color = images.color && await images.color.decode();
+  const alpha = images.alpha && await images.alpha.decode();
   const {width, height, largest} = color || alpha;
   if (color && alpha && (alpha.width !== width || alpha.height !== height)) {
     throw new Error('colour and alpha of an atlas differ in size');
@@ -188,29 +251,44 @@ async function readLayer(file, primitive, atlases) {
   const {extensions} = primitive.extensions[SPLATS];
   const extension = extensions && extensions[TEXTURES];
   if (!extension) return null;
-  const mode = MODES[extension.mode];
-  const intersection = INTERSECTIONS[extension.intersection || 'plane'];
-  if (mode === undefined) throw new Error(`unknown mode "${extension.mode}"`);
-  if (intersection === undefined) throw new Error(`unknown intersection "${extension.intersection}"`);
-  if ((extension.extent || 3) !== 3) throw new Error(`extent ${extension.extent} is not supported`);
-  if ((extension.filter || 'bilinear') !== 'bilinear') throw new Error(`filter "${extension.filter}" is not supported`);
-  const attribute = (name) => primitive.attributes[`${TEXTURES}:${name}`];
+  const {mode: modeGiven, intersection: intersectionGiven = 'plane', extent = 3, filter = 'bilinear'} = extension;
+  const mode = valueNamed(MODES, modeGiven), intersection = valueNamed(INTERSECTIONS, intersectionGiven);
+  const refuse = (key, found, known) => {
+    throw new Error(`${key} ${JSON.stringify(found)} is not supported (expected ${known})`);
+  };
+  if (mode === undefined) refuse('mode', modeGiven, Object.keys(MODES).join(', '));
+  if (intersection === undefined) refuse('intersection', intersectionGiven, Object.keys(INTERSECTIONS).join(', '));
+  if (extent !== 3) refuse('extent', extent, '3');
+  if (filter !== 'bilinear') refuse('filter', filter, 'bilinear');
+  const attribute = (name) => Object(primitive.attributes)[`${TEXTURES}:${name}`];
   const count = countOf(file, primitive);
+  // As rules T13 and T14 have them.
+  const integers = async (name, componentType, width) => {
+    const index = attribute(name), found = Object(file.list('accessors')[index]);
+    if (found.componentType !== componentType || found.normalized) {
+      const kind = `${found.normalized ? 'normalized ' : ''}${found.componentType}`;
+      throw new Error(`${name}: wrong component type (expected ${componentType}, not normalized, found ${kind})`);
+    }
+    return file.accessor(index, width, count, true);
+  };
+  const rects = await integers('RECT', 5123, 4);
+  const pages = attribute('ATLAS') === undefined ? null : await integers('ATLAS', 5121, 1);
   if (!atlases) {
+    const images = await openAtlases(file, extension.atlases, mode);
     atlases = [];
-    for (const entry of extension.atlases || []) atlases.push(await readAtlas(file, entry, mode));
-    if (atlases.length === 0) throw new Error('no atlases');
+    for (const [k, entry] of extension.atlases.entries()) atlases.push(await readAtlas(entry, images[k]));
   }
-  const rects = await file.accessor(attribute('RECT'), 4, count, true);
-  const pages = attribute('ATLAS') === undefined ? null : await file.accessor(attribute('ATLAS'), 1, count);
   for (let i = 0; i < count; ++i) {
     if (i % 16384 === 0) await breathe();
-    const atlas = atlases[pages ? pages[i] : 0];
-    if (!atlas) throw new Error(`splat ${i} names atlas ${pages[i]} of ${atlases.length}`);
     const x = rects[4 * i], y = rects[4 * i + 1], w = rects[4 * i + 2], h = rects[4 * i + 3];
-    if (w > 0 && h > 0 && (x + w > atlas.width || y + h > atlas.height)) {
-      throw new Error(`splat ${i}: its rectangle leaves the atlas`);
+    if (w === 0 || h === 0) {  // no texture: what else is said of it names nothing
+      rects.fill(0, 4 * i, 4 * i + 4);
+      if (pages) pages[i] = 0;
+      continue;
     }
+    const page = pages ? pages[i] : 0, atlas = atlases[page];
+    if (!atlas) throw new Error(`splat ${i}: names no atlas (expected below ${atlases.length}, found ${page})`);
+    if (x + w > atlas.width || y + h > atlas.height) throw new Error(`splat ${i}: its rectangle leaves the atlas`);
   }
   const optional = (name, width) =>
     attribute(name) === undefined ? null : file.accessor(attribute(name), width, count);
@@ -269,13 +347,13 @@ function readCamera({name, rotation, translation}, lens, own) {
   return width > 0 && height > 0 && camera.eye.length === 3 && numbers.every(Number.isFinite) ? camera : null;
 }
 
-// Camera nodes as pinhole cameras: OpenCV axes (x right, y down, z forward), rows of camera_from_world.
+// Camera nodes of the scene as pinhole cameras: OpenCV axes (x right, y down, z forward), rows of camera_from_world.
 // Those that no other node moves.
-function readCameras(file, parents) {
+function readCameras(file, nodes) {
   const cameras = [];
-  for (const node of file.list('nodes')) {
+  for (const {node, above} of nodes) {
     const lens = (file.list('cameras')[node.camera] || {}).perspective;
-    if (!lens || node.matrix || parents.has(node)) continue;
+    if (!lens || node.matrix || above) continue;
     cameras.push(readCamera(node, lens, (node.extras && node.extras[OURS]) || {}));
   }
   return cameras.filter(Boolean);
@@ -291,6 +369,67 @@ function fromLogarithms(scale, componentType) {
   return signed || floats ? scale.map(Math.exp) : null;
 }
 
+// Drops splats with numbers that are not finite or with a quaternion of length 0, takes the sign of scales and clamps
+// opacities, as tgconvert does, each with a note. Lists that are fine stay as they are, which may be the file's bytes.
+async function mendSplats(model) {
+  const {layer, notes} = model;
+  const lists = [[model, 'mean', 3], [model, 'rotation', 4], [model, 'scale', 3], [model, 'opacity', 1]];
+  for (const k of model.sh.keys()) lists.push([model.sh, k, 3]);
+  const ofLayer = (...known) => known.filter(([key]) => layer && layer[key]).map((one) => [layer, ...one]);
+  lists.push(...ofLayer(['scale', 3], ['opacity', 1], ['dc', 3]));
+  const dropped = new Uint8Array(model.count);
+  for (const [owner, key, width] of lists) {
+    const list = owner[key];
+    for (let i = 0; i < list.length; ++i) {
+      if (i % NUMBERS_AT_A_TIME === 0) await breathe();
+      if (!Number.isFinite(list[i])) dropped[Math.floor(i / width)] = 1;
+    }
+  }
+  const {rotation: q} = model;
+  for (let i = 0; i < q.length; i += 4) {
+    if (i % NUMBERS_AT_A_TIME === 0) await breathe();
+    if (!(q[i] ** 2 + q[i + 1] ** 2 + q[i + 2] ** 2 + q[i + 3] ** 2 > LEAST_NORM2)) dropped[i / 4] = 1;
+  }
+  const say = (marks, words) => {
+    const count = marks.reduce((sum, mark) => sum + mark, 0);
+    if (count > 0) notes.push(`${count} splats with ${words}.`);
+    return count;
+  };
+  const mend = async (key, mended, words) => {
+    const marks = new Uint8Array(model.count);
+    for (const [owner, , width] of lists.filter(([, name]) => name === key)) {
+      const list = owner[key];
+      let own = null;
+      for (let i = 0; i < list.length; ++i) {
+        if (i % NUMBERS_AT_A_TIME === 0) await breathe();
+        const value = mended(list[i]);
+        if (value === list[i]) continue;
+        const splat = Math.floor(i / width);
+        if (dropped[splat]) continue;
+        own = own || list.slice();
+        own[i] = value;
+        marks[splat] = 1;
+      }
+      if (own) owner[key] = own;
+    }
+    say(marks, words);
+  };
+  await mend('opacity', (value) => Math.min(Math.max(value, 0), 1), 'an opacity outside [0, 1]: clamped');
+  await mend('scale', Math.abs, 'a negative scale: sign dropped');
+  const left = model.count - say(dropped, 'values that are not finite or a quaternion of length 0: dropped');
+  if (left === 0) throw new Error('no splat is left: none had finite values');
+  if (left === model.count) return;
+  for (const [owner, key, width] of [...lists, ...ofLayer(['rects', 4], ['pages', 1])]) {
+    const list = owner[key], kept = new list.constructor(width * left);
+    for (let i = 0, to = 0; i < model.count; ++i) {
+      if (i % 16384 === 0) await breathe();
+      for (let k = 0; k < width && !dropped[i]; ++k) kept[to++] = list[width * i + k];
+    }
+    owner[key] = kept;
+  }
+  model.count = left;
+}
+
 const isNumbers = (value, length) => Array.isArray(value) && value.length === length && value.every(Number.isFinite);
 
 // {count, mean, rotation (xyzw), scale, opacity, sh: [coefficient], layer or null, cameras, views: cameras that somebody
@@ -298,14 +437,14 @@ const isNumbers = (value, length) => Array.isArray(value) && value.length === le
 // y up, z forward.
 export async function readGlb(bytes) {
   const file = new GlbFile(bytes);
-  const {node, primitives} = findSplats(file);
+  const nodes = await placedNodes(file);
+  const {placed, primitives} = findSplats(file, nodes);
   for (const {extensions} of primitives) {
     const {kernel, colorSpace} = extensions[SPLATS];
     if (kernel !== 'ellipse') throw new Error(`unknown kernel "${kernel}" (expected "ellipse")`);
     if (colorSpace === 'lin_rec709_display') throw new Error('the colours are linear (tgconvert turns them to sRGB)');
   }
-  const parents = parentsOf(file);
-  const place = placeBelow(node, parents);
+  const place = placeInScene(placed);
   const counts = primitives.map((primitive) => countOf(file, primitive));
   const count = counts.reduce((sum, more) => sum + more, 0);
   const all = async (name, width) => {
@@ -332,13 +471,14 @@ export async function readGlb(bytes) {
   const model = {
     count, mean: await all('POSITION', 3),
     rotation: await own('ROTATION', 4), scale: await scales(), opacity: await own('OPACITY', 1),
-    sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file, parents),
+    sh: [await own('SH_DEGREE_0_COEF_0', 3)], layer: null, cameras: readCameras(file, nodes),
     views: views.map((view) => readCamera(Object(view), {}, Object(view))).filter(Boolean),
     background: isNumbers(extras.background, 3) ? extras.background : [0, 0, 0],
-    intersection: INTERSECTIONS[extras.intersection] ?? 1, outside: OUTSIDES[extras.outside] ?? 0, notes,
+    intersection: valueNamed(INTERSECTIONS, extras.intersection) ?? INTERSECTIONS.maxResponse,
+    outside: valueNamed(OUTSIDES, extras.outside) ?? OUTSIDES.base, notes,
   };
   for (let l = 1; l <= 3; ++l) {
-    if (primitives.every(({attributes}) => attributes[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined)) break;
+    if (primitives.every(({attributes}) => Object(attributes)[`${SPLATS}:SH_DEGREE_${l}_COEF_0`] === undefined)) break;
     for (let k = 0; k <= 2 * l; ++k) model.sh.push(await own(`SH_DEGREE_${l}_COEF_${k}`, 3));
   }
   if (place.scale !== 1 || place.translation.some((t) => t !== 0)) {
@@ -354,5 +494,6 @@ export async function readGlb(bytes) {
     model.intersection = model.layer.intersection;
     if (model.layer.scale && place.scale !== 1) model.layer.scale = model.layer.scale.map((s) => s * place.scale);
   }
+  await mendSplats(model);
   return model;
 }

@@ -21,10 +21,12 @@ export function listenToHands(viewer) {
     viewer.changed(true);
   };
   canvas.addEventListener('pointerdown', (event) => {
+    if (event.isPrimary) pointers.clear();  // of those that are left the end has not come
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
   });
   canvas.addEventListener('pointermove', (event) => {
+    if (event.buttons === 0) pointers.delete(event.pointerId);  // it was let go elsewhere
     if (!pointers.has(event.pointerId) || !viewer.model) return;
     const before = middle();
     pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
@@ -42,7 +44,7 @@ export function listenToHands(viewer) {
     }
     moved();
   });
-  for (const name of ['pointerup', 'pointercancel']) {
+  for (const name of ['pointerup', 'pointercancel', 'lostpointercapture']) {
     canvas.addEventListener(name, (event) => pointers.delete(event.pointerId));
   }
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());

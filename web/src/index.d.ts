@@ -115,6 +115,8 @@ export class Viewer {
   readonly viewText: string;
   onChange: () => void;
   onError: (error: Error) => void;
+  /** Of a graphics device that was taken away and stays so; '' once it is back. */
+  onLost: (words: string) => void;
   open(model: Model): Promise<void>;
   replace(model: Model): Promise<void>;
   apply(settings: ViewerSettings): void;
@@ -124,6 +126,7 @@ export class Viewer {
   frameAll(): void;
   play(on?: boolean): boolean;
   changed(byHand?: boolean): void;
+  /** Resolves when the picture stands; rejects with what keeps it from that. */
   settled(): Promise<void>;
   /** Gives the WebGL context back, of which a browser has few, until resume(). A canvas with what was seen. */
   release(): HTMLCanvasElement;

@@ -2,6 +2,7 @@
 // Scenes with levels of detail: what a lod-meta.json says (docs/lod.md), and which level of each node a view wants.
 import {breathe} from './breathe.js';
 import {INTERSECTIONS, MODES, OUTSIDES} from './glb.js';
+import {valueNamed} from './names.js';
 
 const LEVELS = 'TG_levels_of_detail', MEANS = 'TG_means';  // of this toolchain
 const MOST_LOD_META = 1 << 26;    // [bytes]
@@ -42,9 +43,9 @@ function readOwn(own) {
   const where = `/${LEVELS}`;
   const {sh_degree: degree, texture_mode: mode, intersection, outside, background, cameras = null} = own;
   expectThat(isCount(degree, 0, 3), `${where}/sh_degree`, `${degree} (expected 0 to 3)`);
-  expectThat(mode === 'none' || Object.hasOwn(MODES, mode), `${where}/texture_mode`, mode);
-  expectThat(Object.hasOwn(INTERSECTIONS, intersection), `${where}/intersection`, intersection);
-  expectThat(Object.hasOwn(OUTSIDES, outside), `${where}/outside`, outside);
+  expectThat(mode === 'none' || valueNamed(MODES, mode) !== undefined, `${where}/texture_mode`, mode);
+  expectThat(valueNamed(INTERSECTIONS, intersection) !== undefined, `${where}/intersection`, intersection);
+  expectThat(valueNamed(OUTSIDES, outside) !== undefined, `${where}/outside`, outside);
   expectThat(Array.isArray(background) && background.length === 3 && background.every(Number.isFinite),
              `${where}/background`, 'expected 3 numbers');
   expectThat(cameras === null || typeof cameras === 'string', `${where}/cameras`, cameras);
@@ -85,6 +86,7 @@ export async function parseLodMeta(bytes) {
     scene.pieces.push(piece);
     return piece;
   };
+  const held = new Map(), named = new Map();  // by file: Gaussians that it has to hold, and that leaves name
   const left = [[meta.tree, '/tree']];  // JSON holds no circles
   for (let nodes = 0; left.length > 0; ++nodes) {
     if (nodes % NODES_AT_A_TIME === 0) await breathe();
@@ -102,11 +104,21 @@ export async function parseLodMeta(bytes) {
     const means = node[MEANS] ? readBound(node[MEANS], `${where}/${MEANS}`) : box;
     const found = Array.from({length: levels}, (_, level) => readPiece(lods[level], level, where));
     const pieces = found.filter(Boolean);
+    for (const [at, {file, first, count}] of pieces.entries()) {
+      held.set(file, Math.max(held.get(file) || 0, first + count));
+      const same = (piece) => piece.file === file && piece.first === first && piece.count === count;
+      if (!pieces.slice(0, at).some(same)) named.set(file, (named.get(file) || 0) + count);
+    }
     if (pieces.length === 0) continue;
     scene.leaves.push({box, means, pieces, levels: filled(found)});
     scene.count += pieces[0].count;
   }
   expectThat(scene.leaves.length > 0, '/tree', 'expected a leaf with Gaussians');
+  for (const [file, count] of named) {  // else a small file is a large scene
+    const most = held.get(file);
+    expectThat(count <= most, '/tree', `ranges of Gaussians overlap in ${file.name} (expected at most ${most}, ` +
+               `found ${count})`);
+  }
   return scene;
 }
 

@@ -2,6 +2,7 @@
 // Views packed by EXT_meshopt_compression, as far as splats need it: mode ATTRIBUTES, version 0 of the stream, the
 // filters QUATERNION and EXPONENTIAL (the extension's appendices A and B).
 import {breathe} from './breathe.js';
+import {valueNamed} from './names.js';
 
 const MESHOPT_GROUP = 16;  // bytes that have one width
 
@@ -76,7 +77,8 @@ const MESHOPT_FILTERS = {
 // `packed`: the extension's object of a view; `source`: its bytes. Returns the view's.
 export async function unpackMeshopt(packed, source) {
   const {count, byteStride: stride, mode, filter = 'NONE'} = packed;
-  if (mode !== 'ATTRIBUTES' || !MESHOPT_FILTERS[filter]) throw new Error(`packed by ${mode} ${filter} (not supported)`);
+  const unfilter = valueNamed(MESHOPT_FILTERS, filter);
+  if (mode !== 'ATTRIBUTES' || !unfilter) throw new Error(`packed by ${mode} ${filter} (not supported)`);
   if (!(stride > 0 && stride <= 256 && stride % 4 === 0) || (filter === 'QUATERNION' && stride !== 8)) {
     throw new Error(`a packed view has a stride of ${stride}`);
   }
@@ -85,7 +87,7 @@ export async function unpackMeshopt(packed, source) {
   const words = bytes.length / 4;
   for (let i = 0; i < words; i += 65536) {
     await breathe();
-    MESHOPT_FILTERS[filter](bytes, i, Math.min(i + 65536, words));
+    unfilter(bytes, i, Math.min(i + 65536, words));
   }
   return bytes;
 }

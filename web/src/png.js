@@ -61,17 +61,24 @@ async function unfilterPng(raw, rows, rowBytes, pixelBytes) {
   return out;
 }
 
-// {width, height, channels, largest, samples}: samples are integers from 0 to `largest` (255 or 65535), row-major.
-export async function decodePng(bytes) {
+// {width, height}, which decoders allocate by.
+export function pngSize(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   if (bytes.length < 33 || view.getUint32(0) !== 0x89504E47 || view.getUint32(12) !== 0x49484452) {
     throw new Error('an atlas is no PNG file');
   }
-  const width = view.getUint32(16), height = view.getUint32(20), depth = bytes[24];
-  const channels = {0: 1, 2: 3, 4: 2, 6: 4}[bytes[25]];
+  const width = view.getUint32(16), height = view.getUint32(20);
   if (!(width > 0 && height > 0 && width * height <= MAX_ATLAS_TEXELS)) {
     throw new Error(`PNG: bad size ${width} x ${height} (expected at most ${MAX_ATLAS_TEXELS} texels)`);
   }
+  return {width, height};
+}
+
+// {width, height, channels, largest, samples}: samples are integers from 0 to `largest` (255 or 65535), row-major.
+export async function decodePng(bytes) {
+  const {width, height} = pngSize(bytes);
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength), depth = bytes[24];
+  const channels = {0: 1, 2: 3, 4: 2, 6: 4}[bytes[25]];
   if (channels === undefined || (depth !== 8 && depth !== 16) || bytes[28] !== 0) {
     throw new Error('PNG: unsupported kind (expected grey or RGB, 8 or 16 bit, not interlaced)');
   }

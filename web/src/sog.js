@@ -4,12 +4,13 @@
 // lies in a folder, as the chunks of a scene with levels of detail do.
 import {breathe} from './breathe.js';
 import {INTERSECTIONS, MODES, OUTSIDES, TEXTURES} from './glb.js';
+import {valueNamed} from './names.js';
 import {decodeWebp} from './webp.js';
 import {readZip} from './zip.js';
 
 const CODEBOOK = 256, PALETTE_COLUMNS = 64, FIRST_LARGEST = 252, NEUTRAL = 128;
 const MOST_META = 16 << 20;       // [bytes]
-const MOST_PER_BYTE = 64;         // Gaussians; as many as a million are always fine
+const MOST_PER_BYTE = 4;          // Gaussians; as many as a million are always fine
 const ATLAS_SIDE = 4096;          // [texels]
 const MOST_TEXELS = 1 << 25;
 const OWN = 1, SHARED = 2, MOST_SHARED = 65536;  // versions: a texture a Gaussian, or one for several
@@ -33,8 +34,9 @@ class SogFile {
     Object.assign(this, {entries, meta});
     if (meta.version !== 2) throw new Error(`SOG version ${meta.version} (expected 2)`);
     this.count = meta.count;
-    if (!(Number.isInteger(this.count) && this.count > 0 && this.count <= Math.max(1 << 20, MOST_PER_BYTE * bytes))) {
-      throw new Error(`meta.json: count ${this.count}`);
+    const most = Math.max(1 << 20, MOST_PER_BYTE * bytes);
+    if (!(Number.isInteger(this.count) && this.count > 0 && this.count <= most)) {
+      throw new Error(`meta.json: count ${this.count} (expected 1 to ${most} in ${bytes} bytes)`);
     }
   }
 
@@ -74,17 +76,23 @@ class SogFile {
   }
 }
 
-async function readShape(file, model) {
+async function readMeans(file) {
   const means = file.part('means');
   const low = checkNumbers(means.mins, 3, 'mins'), high = checkNumbers(means.maxs, 3, 'maxs');
-  const {samples: lower} = await file.image(means, 0, file.count), {samples: upper} = await file.image(means, 1, file.count);
+  const {samples: lower} = await file.image(means, 0, file.count);
+  const {samples: upper} = await file.image(means, 1, file.count);
+  const mean = new Float32Array(3 * file.count);
   await file.each((i) => {
     for (let k = 0; k < 3; ++k) {
       const code = lower[4 * i + k] | upper[4 * i + k] << 8;
       const value = fromLogarithm(low[k] + (high[k] - low[k]) * code / 65535);
-      model.mean[3 * i + k] = k === 2 ? value : -value;
+      mean[3 * i + k] = k === 2 ? value : -value;
     }
   });
+  return mean;
+}
+
+async function readShape(file, model) {
   const scales = file.codebook(file.part('scales'));
   const {samples: sizes} = await file.image(file.part('scales'), 0, file.count);
   const {samples: turns} = await file.image(file.part('quats'), 0, file.count);
@@ -139,8 +147,8 @@ async function readColors(file, model) {
   });
   const more = file.meta.shN;
   if (!more) return;
-  const rest = [0, 3, 8, 15][more.bands];
-  if (rest === undefined) throw new Error(`meta.json: shN: bands ${more.bands}`);
+  if (![0, 1, 2, 3].includes(more.bands)) throw new Error(`meta.json: shN: bands ${more.bands} (expected 0 to 3)`);
+  const rest = (more.bands + 1) ** 2 - 1;
   if (rest === 0) return;
   const values = file.codebook(more);
   const rows = await file.image(more, 0, 1), {samples: labels} = await file.image(more, 1, file.count);
@@ -252,7 +260,8 @@ async function readTextures(file, model, part) {
   if (!(Number.isInteger(stored) && stored > 0 && (!shared || stored <= MOST_SHARED))) {
     throw new Error(`${stored} textures (expected 1 to ${MOST_SHARED})`);
   }
-  const mode = MODES[part.mode], intersection = INTERSECTIONS[part.intersection], outside = OUTSIDES[part.outside];
+  const mode = valueNamed(MODES, part.mode), outside = valueNamed(OUTSIDES, part.outside);
+  const intersection = valueNamed(INTERSECTIONS, part.intersection);
   if (mode === undefined || intersection === undefined || outside === undefined) {
     throw new Error(`mode "${part.mode}", intersection "${part.intersection}", outside "${part.outside}"`);
   }
@@ -380,8 +389,9 @@ export function parseSogMeta(bytes) {
 export async function readSogParts(meta, entries, size, {whole = false} = {}) {
   const file = new SogFile(entries, meta, size);
   const {count} = file;
+  const mean = await readMeans(file);  // before there is room for the rest: who says a count holds means, too
   const model = {
-    count, mean: new Float32Array(3 * count), rotation: new Float32Array(4 * count), scale: new Float32Array(3 * count),
+    count, mean, rotation: new Float32Array(4 * count), scale: new Float32Array(3 * count),
     opacity: new Float32Array(count), sh: [new Float32Array(3 * count)], layer: null, cameras: [], views: [],
     background: [0, 0, 0], intersection: INTERSECTIONS.maxResponse, outside: OUTSIDES.base, notes: [],
   };

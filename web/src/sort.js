@@ -71,9 +71,15 @@ export class Sorter {
     this.address = URL.createObjectURL(text);
     this.worker = new Worker(this.address);
     this.worker.onmessage = ({data}) => this.sorted(data);
-    this.worker.onerror = (event) => onError(new Error(`The sorting worker failed: ${event.message}`));
+    this.worker.onerror = (event) => {  // a worker that may not begin gives no reason
+      const why = event.message || 'the page must allow worker-src blob:';
+      this.failed = new Error(`The sorting worker failed: ${why}`);
+      this.busy = false;
+      onError(this.failed);
+    };
     this.onChange = onChange;
     this.busy = false;
+    this.failed = null;   // why no order comes any more
     this.asked = null;    // what the last order was asked for
     this.wanted = null;   // what came while it was made
     this.ready = null;    // {order, visible, showing} that nobody has taken
@@ -95,6 +101,7 @@ export class Sorter {
 
   // `row`: as in the worker. The order that comes is that of the last row asked for, maybe after those of others.
   want(row) {
+    if (this.failed) return;
     if (this.busy) {
       this.wanted = row;
       return;

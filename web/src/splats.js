@@ -29,10 +29,12 @@ export class Splats {
             background: model.background};
   }
 
-  // onChange(): there is a better order than the last one drawn. onError(error): of the worker.
-  static async create(renderer, model, {onChange = () => {}, onError = (error) => console.error(error)} = {}) {
-    if (model.lod) return model.lod.open(renderer, model, {onChange, onError});
-    const splats = new Splats(renderer, model, await renderer.upload(model), {onChange, onError});
+  // onChange(): there is a better order than the last one drawn. onError(error): of what cannot be drawn.
+  // onFailed(error): there will be no order any more.
+  static async create(renderer, model, {onChange = () => {}, onError = (error) => console.error(error),
+                                        onFailed = onError} = {}) {
+    if (model.lod) return model.lod.open(renderer, model, {onChange, onError, onFailed});
+    const splats = new Splats(renderer, model, await renderer.upload(model), {onChange, onError, onFailed});
     splats.sorter.put(0, Float32Array.from(model.mean));
     splats.sorter.show([0, model.count]);
     return splats;
@@ -41,14 +43,19 @@ export class Splats {
   // In a context that another engine draws with.
   static inContext(gl, model, options) { return Splats.create(rendererOf(gl), model, options); }
 
-  constructor(renderer, model, gpu, {onChange, onError}) {
-    Object.assign(this, {renderer, model, gpu, onChange, onError});
+  constructor(renderer, model, gpu, {onChange, onError, onFailed}) {
+    Object.assign(this, {renderer, model, gpu, onChange, onError, onFailed});
     this.settings = Splats.settingsOf(model);
     this.complaint = '';  // the last one, which is said once
     this.sorter = new Sorter(gpu.perRow * gpu.rows, {
-      onChange: () => this.onChange(), onError: (error) => this.onError(error),
+      onChange: () => this.onChange(), onError: (error) => this.sortingFailed(error),
     });
   }
+
+  sortingFailed(error) { this.onFailed(error); }
+
+  // Why there will be no order any more, or null: the last one is drawn.
+  get failure() { return this.sorter.failed; }
 
   // The newest order to the device: at once before drawing, when the device has nothing else to do.
   takeOrder() {
@@ -60,7 +67,9 @@ export class Splats {
 
   // Whether nothing more is to come for the last camera; a promise of that.
   get complete() { return true; }
-  completed() { return Promise.resolve(); }
+  async completed() {
+    if (this.failure) throw this.failure;
+  }
 
   // After the budget of a scene with levels was changed. False where it is more than there is room for.
   replan() { return true; }
@@ -109,7 +118,7 @@ export class Splats {
   }
 
   dispose() {
-    this.onChange = () => {};
+    this.onChange = this.onFailed = () => {};
     this.sorter.dispose();
     this.gpu.dispose();
   }

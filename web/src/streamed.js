@@ -30,6 +30,7 @@ export class LodStream {
     const {shCoefficients = null, mode = 0} = scene.own || {};
     this.kind = {shCoefficients, mode};
     this.coarsest = new Set(scene.leaves.map(({pieces}) => pieces[pieces.length - 1]));
+    this.textures = null;  // {intersection, outside} of all that there are
     this.first = null;  // chunks of the coarsest levels, until they are on a device
     this.shown = 0;     // Gaussians that are drawn, and that the view wants
     this.wanted = 0;
@@ -41,8 +42,10 @@ export class LodStream {
 
   get levels() { return this.scene.levels; }
 
+  async load(file, signal) { return this.checked(await this.fetch(file, signal)); }
+
   // What the decoder answers, and {file, pieces: {piece, first, count, textures}}; throws what goes wrong.
-  async load(file, signal) {
+  async fetch(file, signal) {
     const {shCoefficients} = this.kind;
     const answer = await this.loader.load({
       address: file.address, folder: this.folder, ranges: file.pieces.map(({first, count}) => [first, count]),
@@ -53,13 +56,31 @@ export class LodStream {
     return {...answer, file, pieces};
   }
 
+  // A chunk whose textures are drawn as those before it; throws where they are not: one picture has one way.
+  checked(chunk) {
+    const {file, mode, intersection, outside} = chunk;
+    if (mode === 0) return chunk;
+    this.textures = this.textures || {intersection, outside};
+    if (intersection === this.textures.intersection && outside === this.textures.outside) return chunk;
+    const words = 'another intersection model, or another way for textures to end, than other files have';
+    throw new Error(`${file.address}: ${words}`);
+  }
+
   // The chunks of the coarsest levels; {chunks, errors}.
   async loadCoarsest(signal) {
     const files = [...new Set([...this.coarsest].map(({file}) => file))];
-    const results = await Promise.allSettled(files.map((file) => this.load(file, signal)));
+    const results = await Promise.allSettled(files.map((file) => this.fetch(file, signal)));
     signal.throwIfAborted();
-    return {chunks: results.filter(({value}) => value).map(({value}) => value),
-            errors: results.filter(({reason}) => reason).map(({reason}) => reason)};
+    const chunks = [], errors = [];
+    for (const {value, reason} of results) {  // in the files' order, whichever came first
+      try {
+        if (!value) throw reason;
+        chunks.push(this.checked(value));
+      } catch (error) {
+        errors.push(error);
+      }
+    }
+    return {chunks, errors};
   }
 
   open(renderer, model, hooks) { return StreamedSplats.open(this, renderer, model, hooks); }
@@ -119,7 +140,7 @@ export async function readLod(address, bytes, options) {
   await breathe();
   const bounds = sceneBounds(sampleMeans(scene, found));
   const none = new Float32Array(0);
-  const {intersection, outside, background = [0, 0, 0]} = scene.own || chunks[0];
+  const {intersection, outside, background = [0, 0, 0]} = {...(scene.own || chunks[0]), ...stream.textures};
   const notes = [...said, ...chunks.flatMap((chunk) => chunk.notes), ...errors.map(({message}) => message)];
   return {
     count: mean.length / 3, mean, rotation: none, scale: none, opacity: none,
@@ -175,9 +196,16 @@ export class StreamedSplats extends Splats {
 
   async completed() {
     while (!this.stop.signal.aborted && !this.complete) await this.nextChange();
+    await super.completed();
   }
 
-  nextChange() { return new Promise((done) => { this.waiting.push(done); }); }
+  // At once where nothing changes any more.
+  nextChange() {
+    return new Promise((done) => {
+      if (this.stop.signal.aborted) done();
+      else this.waiting.push(done);
+    });
+  }
 
   tellWaiting() { for (const done of this.waiting.splice(0)) done(); }
 
@@ -361,11 +389,21 @@ export class StreamedSplats extends Splats {
     }
   }
 
-  dispose() {
+  // Nothing more is fetched, and who waits for more goes on.
+  halt() {
     this.stop.abort(new DOMException('The scene is no longer shown.', 'AbortError'));
     for (const stop of this.coming.values()) stop.abort();
     clearTimeout(this.planTimer);
     this.tellWaiting();
+  }
+
+  sortingFailed(error) {
+    this.halt();
+    super.sortingFailed(error);
+  }
+
+  dispose() {
+    this.halt();
     super.dispose();
   }
 }

@@ -3,6 +3,7 @@
 import {Orbit, NEAR, add, dot, fitted} from './camera.js';
 import {Flight} from './flight.js';
 import {INTERSECTIONS, OUTSIDES} from './glb.js';
+import {valueNamed} from './names.js';
 import {SHOW, SplatRenderer} from './renderer.js';
 import {Splats, TEXTURE_CHOICES} from './splats.js';
 import {formatView, parseView} from './view_text.js';
@@ -32,7 +33,8 @@ export class Viewer {
     this.lastFrame = 0;
     this.framePending = false;
     this.flight = null;       // a path that is played
-    this.waiting = [];        // called when the picture is what was asked for
+    this.toFly = false;       // whether one is to begin once nobody waits for a picture
+    this.waiting = [];        // {resolve, reject} of those that wait for the picture that was asked for
     this.openings = 0;
     this.uploads = 0;         // under way: where the device is lost meanwhile they begin again
     this.uploaded = null;     // resolves when the last of them ends
@@ -51,8 +53,14 @@ export class Viewer {
     canvas.addEventListener('webglcontextrestored', () => {
       if (!this.renderer) return;
       this.sayLost('');
-      if (!this.lost) this.restore().catch((error) => this.onError(error));
+      if (!this.lost) this.restore().catch((error) => this.fail(error));
     });
+  }
+
+  // Those that wait for a picture are told why none comes, else whoever listens.
+  fail(error) {
+    if (this.waiting.length === 0) this.onError(error);
+    for (const {reject} of this.waiting.splice(0)) reject(error);
   }
 
   sayLost(words) {
@@ -119,6 +127,7 @@ export class Viewer {
       return false;
     }
     next.onChange = () => this.changed();
+    next.onFailed = (error) => this.fail(error);
     if (this.splats) this.splats.dispose();
     this.splats = next;
     this.model = model;
@@ -132,17 +141,23 @@ export class Viewer {
   async upload(model) {
     const {renderer} = this;
     const held = () => renderer === this.renderer && renderer !== null && !renderer.gl.isContextLost();
-    let first = () => {}, next = null;
-    const ordered = new Promise((resolve) => { first = resolve; });
+    let first = () => {}, broken = () => {}, next = null;
+    const ordered = new Promise((resolve, reject) => { [first, broken] = [resolve, reject]; });
+    ordered.catch(() => {});  // where nobody waits for it
     try {
-      next = await Splats.create(renderer, model, {onChange: () => first(), onError: (e) => this.onError(e)});
+      next = await Splats.create(renderer, model, {onChange: () => first(), onError: (e) => this.onError(e),
+                                                   onFailed: (e) => broken(e)});
+      if (next.failure) throw next.failure;
       if (this.orbit && this.splats) {
         next.sort(this.camera);
         await ordered;
       }
       if (held()) return next;
     } catch (error) {
-      if (held()) throw error;
+      if (held()) {
+        if (next) next.dispose();
+        throw error;
+      }
     }
     if (next) next.dispose();
     if (this.renderer && renderer.gl.isContextLost()) await new Promise((resolve) => this.missing.push(resolve));
@@ -151,7 +166,7 @@ export class Viewer {
 
   // To a camera of the model, or -1: everything in view.
   jump(index) {
-    this.flight = null;
+    this.land();
     this.cameraIndex = index;
     this.viewIndex = -1;
     if (index >= 0) this.orbit.set(this.model.cameras[index]);
@@ -160,7 +175,7 @@ export class Viewer {
   }
 
   jumpToView(index) {
-    this.flight = null;
+    this.land();
     this.orbit.set(this.model.views[index]);
     this.viewIndex = index;
     this.cameraIndex = -1;
@@ -176,27 +191,33 @@ export class Viewer {
 
   // A hand has the camera.
   moved() {
-    this.flight = null;
+    this.land();
     this.cameraIndex = this.viewIndex = -1;
   }
 
   // What a flight passes: the views in their order, or the cameras where there are none.
   get stops() { return this.model.views.length > 1 ? this.model.views : this.model.cameras; }
 
+  // Ends a flight, also one that has not begun yet.
+  land() {
+    this.flight = null;
+    this.toFly = false;
+  }
+
   // Round and round past the stops. False without two of them.
   play(on = true) {
     const {stops} = this;
-    if (on && stops.length > 1 && this.waiting.length > 0) {  // who waits for a picture that stands sees it first
-      this.waiting.push(() => this.play());
-      return true;
+    this.land();
+    if (on && stops.length > 1) {
+      this.toFly = this.waiting.length > 0;  // who waits for a picture that stands sees it first
+      if (!this.toFly) this.flight = new Flight(stops, this.orbit.camera);
     }
-    this.flight = on && stops.length > 1 ? new Flight(stops, this.orbit.camera) : null;
     if (this.flight) this.cameraIndex = this.viewIndex = -1;
     this.changed();
-    return Boolean(this.flight);
+    return this.playing;
   }
 
-  get playing() { return Boolean(this.flight); }
+  get playing() { return Boolean(this.flight) || this.toFly; }
 
   // The view at hand, in the canvas' size.
   get camera() { return fitted(this.orbit.camera, this.canvas.width, this.canvas.height); }
@@ -212,7 +233,7 @@ export class Viewer {
       try {
         if (this.splats && this.orbit.camera) this.frame(now);
       } catch (error) {
-        this.onError(error);
+        this.fail(error);
       }
       this.onChange();
     });
@@ -248,7 +269,12 @@ export class Viewer {
     if (this.waiting.length > 0 && unfinished) return;  // whoever waits looks at the finished picture only
     this.draw(this.moving ? this.motionScale : 1);
     if (unfinished) return;
-    for (const done of this.waiting.splice(0)) done();
+    const {failure} = this.splats;
+    for (const {resolve, reject} of this.waiting.splice(0)) {
+      if (failure) reject(failure);
+      else resolve();
+    }
+    if (this.toFly) this.play();
   }
 
   draw(scale) {
@@ -288,7 +314,7 @@ export class Viewer {
     choice('intersection', Object.keys(INTERSECTIONS));
     choice('outside', Object.keys(OUTSIDES));
     if (wanted.background !== undefined) {
-      const named = {black: [0, 0, 0], white: [1, 1, 1]}[wanted.background];
+      const named = valueNamed({black: [0, 0, 0], white: [1, 1, 1]}, wanted.background);
       const color = named || String(wanted.background).split(',').map(Number);
       if (color.length !== 3 || !color.every((c) => c >= 0 && c <= 1)) {
         throw new Error(`background=${wanted.background} (expected r,g,b in [0, 1], black or white)`);
@@ -385,11 +411,13 @@ export class Viewer {
   // The view at hand, for an address.
   get viewText() { return formatView(this.orbit.camera, this.orbit.distance); }
 
-  // Resolves when the picture on the canvas is in full resolution and in the right order. Ends a flight.
+  // Resolves when the picture on the canvas is in full resolution and in the right order; rejects with what keeps it
+  // from that. Ends a flight.
   settled() {
+    if (!this.renderer) return Promise.reject(new Error('the viewer was disposed of'));
     this.flight = null;
-    return new Promise((resolve) => {
-      this.waiting.push(resolve);
+    return new Promise((resolve, reject) => {
+      this.waiting.push({resolve, reject});
       this.changed();
     });
   }
@@ -428,7 +456,8 @@ export class Viewer {
       still.getContext('2d').drawImage(this.canvas, 0, 0);
       this.splats.dispose();
     }
-    this.splats = this.flight = null;
+    this.splats = null;
+    this.land();
     clearTimeout(this.lostTimer);
     if (this.renderer.gl.isContextLost()) {
       this.lost = Promise.resolve();
@@ -464,7 +493,7 @@ export class Viewer {
   dispose() {
     if (!this.renderer) return;
     ++this.openings;
-    this.flight = null;
+    this.land();
     clearTimeout(this.restTimer);
     clearTimeout(this.lostTimer);
     if (this.splats) this.splats.dispose();
@@ -472,5 +501,6 @@ export class Viewer {
     this.splats = this.model = this.renderer = null;
     this.device.loseContext();
     this.goOn();
+    for (const {reject} of this.waiting.splice(0)) reject(new Error('the viewer was disposed of'));
   }
 }

@@ -9,15 +9,47 @@ const BAND_BYTES = 1 << 22;  // read back at a time
 const POLL = 4;              // [ms]
 let reader = null;           // a context without a picture
 
-// {width, height} of a lossless file without extras, which decoders allocate by.
-function webpSize(bytes) {
+// The pixels of a lossless file, {begin, end} of what its chunk VP8L holds. What else may stand around them, as colour
+// profiles do, is passed over.
+function findPixels(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   if (bytes.length < 25 || view.getUint32(0) !== 0x52494646 || view.getUint32(8) !== 0x57454250) {
     throw new Error('an image is no WebP file');
   }
-  if (view.getUint32(12) !== 0x5650384C || bytes[20] !== 0x2F) throw new Error('WebP: no lossless file');
-  const sides = view.getUint32(21, true);  // 14 bits each, less 1
+  for (let at = 12; at + 8 <= bytes.length;) {
+    const name = String.fromCharCode(...bytes.subarray(at, at + 4)), size = view.getUint32(at + 4, true);
+    const begin = at + 8, end = begin + size;
+    if (name === 'ANIM' || name === 'ANMF') throw new Error('WebP: an animation (expected a single picture)');
+    if (name === 'VP8 ' || name === 'ALPH') throw new Error('WebP: lossy (expected lossless)');
+    if (name === 'VP8L') {
+      if (size < 5 || end > bytes.length) throw new Error('WebP: the file ends early');
+      if (bytes[begin] !== 0x2F) throw new Error('WebP: its pixels have no signature (expected that of VP8L)');
+      return {begin, end};
+    }
+    at = end + size % 2;
+  }
+  throw new Error('WebP: no pixels (expected a chunk VP8L)');
+}
+
+// {width, height} of a lossless file, which decoders allocate by.
+export function webpSize(bytes) {
+  const {begin} = findPixels(bytes);
+  const sides = new DataView(bytes.buffer, bytes.byteOffset + begin + 1, 4).getUint32(0, true);  // 14 bits each, less 1
   return {width: (sides & 0x3FFF) + 1, height: (sides >> 14 & 0x3FFF) + 1};
+}
+
+// The same pixels without extras, by which a browser might convert colours.
+export function plainWebp(bytes) {
+  const {begin, end} = findPixels(bytes), size = end - begin;
+  if (begin === 20) return bytes;
+  const out = new Uint8Array(20 + size + size % 2), view = new DataView(out.buffer);
+  view.setUint32(0, 0x52494646);
+  view.setUint32(4, out.length - 8, true);
+  view.setUint32(8, 0x57454250);
+  view.setUint32(12, 0x5650384C);
+  view.setUint32(16, size, true);
+  out.set(bytes.subarray(begin, end), 20);
+  return out;
 }
 
 function openReader() {
@@ -85,8 +117,8 @@ async function decodeByCodec(bytes, width, height) {
 
 let busy = Promise.resolve();  // files are read one after the other, as they share the context
 
-async function decode(bytes) {
-  const {width, height} = webpSize(bytes);
+async function decode(file) {
+  const {width, height} = webpSize(file), bytes = plainWebp(file);
   if (width * height > MAX_ATLAS_TEXELS) {
     throw new Error(`WebP: bad size ${width} x ${height} (expected at most ${MAX_ATLAS_TEXELS} texels)`);
   }

@@ -73,6 +73,7 @@ class RunPanel {
     phase.className = run.phase;
     const share = run.iterations > 0 ? run.iteration / run.iterations : 1;
     element('bar').style.width = `${100 * share}%`;
+    element('progress').setAttribute('aria-valuenow', String(Math.round(100 * share)));
     element('stage-line').textContent =
       `stage ${run.stage}: ${run.iteration.toLocaleString('en')} of ${run.iterations.toLocaleString('en')} iterations`;
     const ended = run.phase === 'finished' || run.phase === 'interrupted';
