@@ -17,6 +17,7 @@ namespace {
 constexpr std::int64_t kMaxImageSide = 65536;
 // Files carry rotations rounded to 6 or 7 digits; anything worse is no rotation.
 constexpr double kRotationTolerance = 1e-3;
+constexpr double kRoundedRotation = 1e-5;
 
 // glm stores columns, and camera_from_world[column r] is row r of its transpose, world_from_camera: what the file
 // holds.
@@ -35,6 +36,12 @@ glm::dmat3 parseRotation(const JsonNode& camera) {
   }
   if (!(error <= kRotationTolerance)) camera.fail("\"rotation\": rows are not orthonormal");
   if (glm::determinant(camera_from_world) < 0.0) camera.fail("\"rotation\": is a reflection (determinant -1)");
+  // Of three digits, the transpose is no inverse: eye and depths would disagree. Of more, the numbers stay the file's.
+  if (error > kRoundedRotation) {
+    const glm::dvec3 x = glm::normalize(camera_from_world[0]);
+    const glm::dvec3 y = glm::normalize(camera_from_world[1] - glm::dot(camera_from_world[1], x) * x);
+    return {x, y, glm::cross(x, y)};
+  }
   return camera_from_world;
 }
 

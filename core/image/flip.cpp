@@ -8,6 +8,7 @@
 #include <cmath>
 #include <glm/glm.hpp>
 #include <numbers>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -38,7 +39,7 @@ constexpr Sensitivity kBlueYellow = {34.1, 0.04, 13.5, 0.025};
 constexpr double kWidestSensitivity = 0.04;
 
 using Plane = std::vector<float>;
-using Kernel = std::vector<float>;  // odd length, centre in the middle
+using Kernel = std::vector<double>;  // odd length, centre in the middle; of few pixels a degree no float holds
 
 struct Size {
   int width, height;
@@ -87,28 +88,24 @@ double colorDistance(const glm::dvec3& a, const glm::dvec3& b) {
 Kernel gaussian(double variance, int radius) {
   Kernel kernel(static_cast<std::size_t>(2 * radius + 1));
   for (int i = -radius; i <= radius; ++i) {
-    kernel[static_cast<std::size_t>(i + radius)] = static_cast<float>(std::exp(-i * i / (2 * variance)));
+    kernel[static_cast<std::size_t>(i + radius)] = std::exp(-i * i / (2 * variance));
   }
   return kernel;
 }
 
-float sum(const Kernel& kernel) {
-  double total = 0;
-  for (float value : kernel) total += value;
-  return static_cast<float>(total);
-}
+double totalOf(const Kernel& kernel) { return std::accumulate(kernel.begin(), kernel.end(), 0.0); }
 
 Kernel normalized(Kernel kernel) {
-  const float total = sum(kernel);
-  for (float& value : kernel) value /= total;
+  const double total = totalOf(kernel);
+  for (double& value : kernel) value /= total;
   return kernel;
 }
 
 // Positive weights sum to 1, negative ones to -1.
 Kernel balanced(Kernel kernel) {
   double positive = 0, negative = 0;
-  for (float value : kernel) (value > 0 ? positive : negative) += std::abs(value);
-  for (float& value : kernel) value /= static_cast<float>(value > 0 ? positive : negative);
+  for (double value : kernel) (value > 0 ? positive : negative) += std::abs(value);
+  for (double& value : kernel) value /= value > 0 ? positive : negative;
   return kernel;
 }
 
@@ -130,7 +127,7 @@ void convolve(const Plane& in, Size size, const Kernel& along_x, const Kernel& a
     float* target = rows.data() + static_cast<std::size_t>(y) * width;
     std::fill(target, target + width, 0.0f);
     for (std::size_t k = 0; k < along_x.size(); ++k) {
-      const float weight = along_x[along_x.size() - 1 - k];
+      const float weight = static_cast<float>(along_x[along_x.size() - 1 - k]);
       for (std::size_t x = 0; x < width; ++x) target[x] += weight * padded[x + k];
     }
   });
@@ -139,7 +136,7 @@ void convolve(const Plane& in, Size size, const Kernel& along_x, const Kernel& a
     std::fill(target, target + width, 0.0f);
     for (int k = -ry; k <= ry; ++k) {
       const int v = std::clamp(static_cast<int>(y) - k, 0, size.height - 1);
-      const float weight = along_y[static_cast<std::size_t>(k + ry)];
+      const float weight = static_cast<float>(along_y[static_cast<std::size_t>(k + ry)]);
       const float* source = rows.data() + static_cast<std::size_t>(v) * width;
       for (std::size_t x = 0; x < width; ++x) target[x] += weight * source[x];
     }
@@ -157,7 +154,7 @@ void blurBySensitivity(Plane& plane, Size size, const Sensitivity& s, double pix
                        Plane& scratch) {
   const auto part = [&](double a, double b, Kernel& kernel) {
     kernel = gaussian(b * pixels_per_degree * pixels_per_degree / (2 * kPi * kPi), radius);
-    const double mass = a * std::sqrt(kPi / b) * sum(kernel) * sum(kernel);
+    const double mass = a * std::sqrt(kPi / b) * totalOf(kernel) * totalOf(kernel);
     kernel = normalized(kernel);
     return mass;
   };
@@ -183,8 +180,8 @@ void findFeatures(const Plane& lightness, Size size, double pixels_per_degree, P
   const Kernel smooth = normalized(gaussian(sigma * sigma, radius));
   Kernel first = smooth, second = smooth;
   for (int i = -radius; i <= radius; ++i) {
-    first[static_cast<std::size_t>(i + radius)] *= static_cast<float>(-i);
-    second[static_cast<std::size_t>(i + radius)] *= static_cast<float>(i * i / (sigma * sigma) - 1);
+    first[static_cast<std::size_t>(i + radius)] *= -i;
+    second[static_cast<std::size_t>(i + radius)] *= i * i / (sigma * sigma) - 1;
   }
   Plane rows, along_x, along_y;
   const auto magnitude = [&](const Kernel& derivative, Plane& out) {

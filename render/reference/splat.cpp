@@ -74,6 +74,7 @@ Splat makeSplat(const Scene& scene, const RenderSettings& settings, std::uint32_
   s.opacity = std::min(1.0, settings.opacity_scale / (1.0 + std::exp(-model.opacity_logit[i])));
   s.rotation = rotationMatrix(model.rotation[i]);
   s.scale = glm::exp(model.log_scale[i]);
+  s.scale = glm::max(s.scale, kThinnest * std::max({s.scale.x, s.scale.y, s.scale.z}));
   const LocalAxes axes = localAxes(s.scale);
   s.a = axes.a;
   s.b = axes.b;

@@ -181,6 +181,21 @@ TEST_CASE("antialiased discs and dots of any thinness are as those of a milliont
   }
 }
 
+TEST_CASE("an axis whose scale no number holds is drawn as the thinnest one, in every output") {
+  for (const auto intersection : kModels) {
+    TestScene scene = thinDiscScene(2e-9f, true), thinner = scene;
+    thinner.model.log_scale[0].z = -400.0f;
+    INFO(name(intersection));
+    const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, everything(intersection));
+    const auto found = renderReference(ReferenceModel(thinner.model), scene.camera, everything(intersection));
+    const Frame frame = renderCpu(thinner.model, scene.camera, everything(intersection));
+    for (std::size_t i = 0; i < frame.picture.size(); ++i) {
+      REQUIRE(glm::length(found.color(i) - reference.color(i)) < 1e-6);
+      REQUIRE(glm::length(glm::dvec3(frame.color(i)) - reference.color(i)) < 1e-4);
+    }
+  }
+}
+
 // Most of what lies beyond +-3 sigma is faint: what it hides shows in the number of blended splats.
 TEST_CASE("beyond textures every treatment equals the reference's, and another one does not") {
   for (const SceneKind kind :

@@ -35,6 +35,17 @@ std::array<float, 4> catmullRom(float t) {
   return {-0.5f * t + t2 - 0.5f * t3, 1 - 2.5f * t2 + 1.5f * t3, 0.5f * t + 2 * t2 - 1.5f * t3, 0.5f * (t3 - t2)};
 }
 
+// Of the pixels that weigh at a position; `hidden(x, y)` says it of one.
+template <typename Hidden>
+bool hidesOne(int x, int y, const std::array<float, 4>& wx, const std::array<float, 4>& wy, const Hidden& hidden) {
+  for (int v = 0; v < 4; ++v) {
+    for (int u = 0; u < 4; ++u) {
+      if (wx[u] * wy[v] != 0.0f && hidden(x + u - 1, y + v - 1)) return true;
+    }
+  }
+  return false;
+}
+
 template <int kChannels>
 void sample(const Image& from, int x, int y, const std::array<float, 4>& wx, const std::array<float, 4>& wy,
             float* result) {
@@ -169,8 +180,8 @@ Undistortion::Result Undistortion::apply(const Image& photograph,
   }
   const int width = photograph.width, height = photograph.height;
   const auto hidden = [&](int x, int y) {
-    return !photograph_mask.empty() && photograph_mask[static_cast<std::size_t>(std::clamp(y, 0, height - 1)) * width +
-                                                       std::clamp(x, 0, width - 1)] == 0;
+    return photograph_mask[static_cast<std::size_t>(std::clamp(y, 0, height - 1)) * width +
+                           std::clamp(x, 0, width - 1)] == 0;
   };
   Result result{Image(pinhole.size.x, pinhole.size.y, photograph.channels), {}};
   result.mask.assign(static_cast<std::size_t>(pinhole.size.x) * pinhole.size.y, 255);
@@ -186,8 +197,8 @@ Undistortion::Result Undistortion::apply(const Image& photograph,
       }
       const glm::dvec2 low = glm::floor(at);
       const int u = static_cast<int>(low.x), v = static_cast<int>(low.y);
-      if (hidden(u, v) || hidden(u + 1, v) || hidden(u, v + 1) || hidden(u + 1, v + 1)) counts = 0;
       const auto wx = catmullRom(static_cast<float>(at.x - low.x)), wy = catmullRom(static_cast<float>(at.y - low.y));
+      if (!photograph_mask.empty() && hidesOne(u, v, wx, wy, hidden)) counts = 0;
       float* pixel = &result.image.at(x, y, 0);
       if (photograph.channels == 1) sample<1>(*from, u, v, wx, wy, pixel);
       if (photograph.channels == 3) sample<3>(*from, u, v, wx, wy, pixel);

@@ -22,7 +22,10 @@
 namespace tg {
 namespace {
 
-std::uint8_t quantize(float value) { return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f); }
+std::uint8_t quantize(float value) {
+  const float v = value > 0.0f ? std::min(value, 1.0f) : 0.0f;  // NaN becomes 0
+  return static_cast<std::uint8_t>(v * 255.0f + 0.5f);
+}
 
 std::string sizeText(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 

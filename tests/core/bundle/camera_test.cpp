@@ -59,6 +59,15 @@ TEST_CASE("cameras survive their file exactly and give the same text again") {
   REQUIRE(tg::parseCameras(tg::formatCameras({}), "c.json").empty());
 }
 
+TEST_CASE("a rotation of three digits becomes one, so that eye and depths agree") {
+  const std::string rounded = with(kInria, "[0.0, -1.0, 0.0]", "[0.0003, -1.0, 0.0]");
+  const tg::Camera camera = tg::parseCameras(rounded, "c.json")[0];
+  const glm::dmat3 gram = glm::transpose(camera.rotation) * camera.rotation;
+  for (int k = 0; k < 9; ++k) CHECK(gram[k / 3][k % 3] == Approx(k / 3 == k % 3 ? 1.0 : 0.0).margin(1e-12));
+  const glm::dvec3 eye = camera.position();
+  for (int k = 0; k < 3; ++k) CHECK(eye[k] == Approx(1.0 + k).margin(1e-12));
+}
+
 TEST_CASE("image names of another encoding do not break the file") {
   tg::Camera camera = tg::lookAt({0, 0, 1}, {0, 0, 0}, {0, 1, 0}, 1.0, 4, 4);
   camera.name = "\xff.png";

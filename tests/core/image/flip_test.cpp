@@ -58,6 +58,17 @@ TEST_CASE("FLIP has the values of the authors' implementation", "[flip]") {
   CHECK(meanFlip(solid(32, 32, 0.5f, 0.5f, 0.5f), solid(32, 32, 0.6f, 0.6f, 0.6f)) == Approx(0.2850645).margin(2e-5));
 }
 
+TEST_CASE("FLIP is a number where a degree has hardly a pixel", "[flip]") {
+  const Image a = pattern(16, 16, 1), b = pattern(16, 16, 2);
+  for (const double pixels_per_degree : {1.0, 1.3, 1.65, 1.75}) {
+    CAPTURE(pixels_per_degree);
+    const double found = tg::flip(tg::flipMap(a, b, pixels_per_degree));
+    CHECK(found > 0.1);
+    CHECK(found < 1.0);
+    CHECK(tg::flip(tg::flipMap(a, a, pixels_per_degree)) == 0.0);
+  }
+}
+
 TEST_CASE("FLIP sees a blurred edge where the authors' implementation does", "[flip]") {
   Image step(64, 48, 3), soft(64, 48, 3);
   for (int y = 0; y < 48; ++y) {

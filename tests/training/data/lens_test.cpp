@@ -201,6 +201,31 @@ TEST_CASE("undistorting hides what masks hide and what no photograph shows", "[l
   CHECK(corners.mask[corners.mask.size() / 2 + static_cast<std::size_t>(folding.pinhole.size.x / 2)] == 255);
 }
 
+TEST_CASE("what a mask hides is nowhere in the pixels that count", "[lens]") {
+  const Undistortion undistortion({.model = "OPENCV", .radial = {-0.15}}, camera(), "a.png");
+  std::vector<std::uint8_t> mask(96 * 64, 255);
+  Image black(96, 64, 3, 0.5f), white = black;
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 24; x < 40; ++x) {
+      mask[static_cast<std::size_t>(y) * 96 + static_cast<std::size_t>(x)] = 0;
+      for (int c = 0; c < 3; ++c) {
+        black.at(x, y, c) = 0.0f;
+        white.at(x, y, c) = 1.0f;
+      }
+    }
+  }
+  const Undistortion::Result a = undistortion.apply(black, mask), b = undistortion.apply(white, mask);
+  REQUIRE(a.mask == b.mask);
+  int counted = 0, differ = 0;
+  for (std::size_t i = 0; i < a.mask.size(); ++i) {
+    if (a.mask[i] == 0) continue;
+    ++counted;
+    differ += a.image.data[3 * i] != b.image.data[3 * i];
+  }
+  CHECK(counted > 3000);
+  CHECK(differ == 0);
+}
+
 TEST_CASE("an implausible lens is refused with what would remain", "[lens]") {
   const auto refused = [](const Lens& lens, const Camera& seen_by = camera()) {
     try {
