@@ -103,18 +103,20 @@ void keepFragment(uint j, Fragment f) {
   if (f.alpha < kAlphaMin) return;
   Fragment far = f;
   Fragment near = kept[j * kKept];
-  if (f.depth < near.depth) {
+  bool placed = f.depth < near.depth;  // before its equals, which came later; `f` itself goes behind them
+  if (placed) {
     far = near;
     near = f;
   }
   blendFragment(j, near);
   [[unroll]] for (uint k = 0u; k + 1u < kKept; ++k) {
     Fragment next = kept[j * kKept + k + 1u];
-    bool in_order = far.depth <= next.depth;
+    bool in_order = placed ? far.depth <= next.depth : far.depth < next.depth;
     kept[j * kKept + k] = next;
     if (in_order) {
       kept[j * kKept + k] = far;
       far = next;
+      placed = true;
     }
   }
   kept[j * kKept + max(kKept, 1u) - 1u] = far;  // compilers refuse -1, though nothing calls this then

@@ -66,8 +66,9 @@ bool loadGaussian(uint i, out Gaussian g) {
   g.mean_c = mat3(view.camera_from_world) * fromCamera(g.mean);
   g.mean_c.z = cameraDepth(g.mean);
   g.opacity = min(1.0, view.opacity_scale / (1.0 + exp(-mean.w)));
-  vec3 scale = exp(uintBitsToFloat(FETCH(scale_offset, i).xyz));
-  int c = shortestAxis(scale);
+  vec3 log_scale = uintBitsToFloat(FETCH(scale_offset, i).xyz);
+  vec3 scale = exp(log_scale);
+  int c = shortestAxis(log_scale);  // exp() may turn two around
   int a = axisU(c);
   int b = axisV(c);
   mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(FETCH(rotation, i));

@@ -46,16 +46,25 @@ float surfaceDepth(uint splat, vec2 center) {
   return entry > view.near ? entry : kNothing;
 }
 
-// Base colour under a light at the camera.
-vec3 litColour(uint splat, vec2 center, float depth) {
+// Base colour under a light at the camera. The point of entry comes from D x W (docs/math.md 2.3): the rounding of its
+// depth is more than a thin axis.
+vec3 litColour(uint splat, vec2 center) {
   vec3 base = vec3(fetchRecord(splat, 1u).w, fetchRecord(splat, 2u).w, fetchRecord(splat, 3u).w);
   if (kShape == kShapeCenters) return base;
   Gaussian g;
   loadGaussian(splat, g);
   vec3 direction = vec3((center - view.focal_center.zw) / view.focal_center.xy, 1.0);
-  vec3 local = transpose(g.axes_c) * (depth * direction - g.mean_c);
-  vec3 normal = normalize(g.axes_c * (local / (g.scale * g.scale)));
-  return base * mix(kEllipsoidAmbient, 1.0, -dot(normal, normalize(direction)));
+  float longest = max(g.scale.x, max(g.scale.y, g.scale.z));
+  vec3 inverse = longest / g.scale;
+  vec2 offset = (center - fetchRecord(splat, 0u).xy) / view.focal_center.xy;
+  vec3 d = inverse * (transpose(g.axes_c) * direction);
+  vec3 d0 = inverse * (transpose(g.axes_c) * (g.mean_c / g.mean_c.z));
+  vec3 across = inverse * (transpose(g.axes_c) * vec3(offset, 0.0));
+  vec3 w = cross(across, d0) * (g.mean_c.z / longest);
+  float square = dot(d, d);
+  vec3 local = cross(d, w) / square - sqrt(max(1.0 - dot(w, w) / square, 0.0) / square) * d;  // [sigma]
+  vec3 normal = normalize(g.axes_c * (inverse * local));
+  return base * mix(kEllipsoidAmbient, 1.0, max(-dot(normal, normalize(direction)), 0.0));
 }
 
 void main() {
@@ -81,7 +90,7 @@ void main() {
     }
   }
   if (winner != 0xFFFFFFFFu) {
-    base_transmittance[pixel] = vec4(litColour(winner, center, nearest), nearest);
+    base_transmittance[pixel] = vec4(litColour(winner, center), nearest);
   } else if (pass.first == 0u) {
     base_transmittance[pixel] = vec4(view.background.xyz, kNothing);
   }

@@ -98,7 +98,7 @@ class CellWriter {
       largest = std::max({largest, color.x, color.y, color.z});
     }
     int exponent = 0;
-    std::frexp(std::min(largest, kLargestHalf), &exponent);
+    if (std::frexp(std::min(largest, kLargestHalf), &exponent) == 0.5f) --exponent;  // a power of two holds itself
     return static_cast<std::uint32_t>(std::clamp(exponent, kTexelExponentMin, kTexelExponentMax) - kTexelExponentMin);
   }
 

@@ -19,10 +19,19 @@ constexpr VkDeviceSize kStagingBytes = VkDeviceSize{16} << 20;
 std::uint32_t findMemoryType(const VulkanDevice& device, std::uint32_t allowed, VkMemoryPropertyFlags wanted) {
   VkPhysicalDeviceMemoryProperties memory;
   vkGetPhysicalDeviceMemoryProperties(device.physical, &memory);
-  for (std::uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
-    if ((allowed >> i & 1) && (memory.memoryTypes[i].propertyFlags & wanted) == wanted) return i;
+  // Cached memory is a wish: without it the host reads slowly.
+  for (const VkMemoryPropertyFlags flags : {wanted, wanted & ~VK_MEMORY_PROPERTY_HOST_CACHED_BIT}) {
+    for (std::uint32_t i = 0; i < memory.memoryTypeCount; ++i) {
+      if ((allowed >> i & 1) && (memory.memoryTypes[i].propertyFlags & flags) == flags) return i;
+    }
   }
   throw Error(ErrorKind::device, device.properties.deviceName, "no memory type with flags " + std::to_string(wanted));
+}
+
+VkMemoryPropertyFlags flagsOf(Memory memory) {
+  if (memory == Memory::device) return VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
+  const VkMemoryPropertyFlags host = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+  return memory == Memory::readBack ? host | VK_MEMORY_PROPERTY_HOST_CACHED_BIT : host;
 }
 
 VkDeviceMemory allocate(const VulkanDevice& device, const VkMemoryRequirements& needs, VkMemoryPropertyFlags flags,
@@ -60,19 +69,16 @@ Buffer::Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes,
   VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
   info.size = allocatedBytes(size_);
   info.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
-  info.usage |= memory == Memory::host ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT
-                                       : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
-                                             VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
+  info.usage |= memory != Memory::device ? VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT
+                                         : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
+                                               VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
   try {
     TG_VK(vkCreateBuffer(device.device, &info, nullptr, &buffer_));
     VkMemoryRequirements needs;
     vkGetBufferMemoryRequirements(device.device, buffer_, &needs);
-    const VkMemoryPropertyFlags flags = memory == Memory::host
-                                            ? VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT
-                                            : VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
-    memory_ = allocate(device, needs, flags, name);
+    memory_ = allocate(device, needs, flagsOf(memory), name);
     TG_VK(vkBindBufferMemory(device.device, buffer_, memory_, 0));
-    if (memory == Memory::host) {
+    if (memory != Memory::device) {
       void* mapped = nullptr;
       TG_VK(vkMapMemory(device.device, memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
       data_ = static_cast<std::byte*>(mapped);
@@ -124,6 +130,12 @@ void Buffer::swap(Buffer& other) noexcept {
 
 StorageImage::StorageImage(const VulkanDevice& device, std::uint32_t width, std::uint32_t height)
     : device_(device.device) {
+  const std::uint32_t most = device.properties.limits.maxImageDimension2D;
+  if (std::max(width, height) > most) {
+    throw Error(ErrorKind::device, device.properties.deviceName,
+                "a picture of " + std::to_string(width) + " x " + std::to_string(height) +
+                    " is too large (expected at most " + std::to_string(most) + " a side)");
+  }
   VkImageCreateInfo info{VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO};
   info.imageType = VK_IMAGE_TYPE_2D;
   info.format = VK_FORMAT_R8G8B8A8_UNORM;
@@ -243,7 +255,7 @@ void upload(const VulkanDevice& device, Commands& commands, const Buffer& target
 void download(const VulkanDevice& device, Commands& commands, const Buffer& source, std::span<std::byte> out) {
   TG_ASSERT(out.size() <= source.size(), "the buffer holds as much");
   if (out.empty()) return;
-  const Buffer staging(device, "read-back", out.size(), Memory::host);
+  const Buffer staging(device, "read-back", out.size(), Memory::readBack);
   commands.run([&](VkCommandBuffer buffer) {
     stageBarrier(buffer, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_TRANSFER_BIT,
                  VK_PIPELINE_STAGE_TRANSFER_BIT);

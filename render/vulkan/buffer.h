@@ -12,7 +12,7 @@
 
 namespace tg {
 
-enum class Memory { device, host };  // host: mapped and coherent, for uniforms and transfers
+enum class Memory { device, host, readBack };  // the host's: mapped and coherent, for uniforms and transfers
 
 class Buffer final : public GpuBuffer {
  public:
@@ -27,7 +27,7 @@ class Buffer final : public GpuBuffer {
 
   VkBuffer handle() const { return buffer_; }
   VkDeviceSize size() const { return size_; }  // [bytes] of it that passes are shown; more may be allocated
-  std::byte* data() const { return data_; }    // Memory::host only
+  std::byte* data() const { return data_; }    // not of Memory::device
   // As a uniform texel buffer; made at the first call for a format. Throws Error(device) when it has more
   // elements than the device can bind.
   VkBufferView view(VkFormat format) const;

@@ -162,7 +162,7 @@ void VulkanPassDevice::download(const BufferPtr& source, std::span<std::byte> ou
 }
 
 Image VulkanPassDevice::download(const ImagePtr& source, std::uint32_t width, std::uint32_t height) {
-  const Buffer pixels(device_, "picture read-back", VkDeviceSize{width} * height * 4, Memory::host);
+  const Buffer pixels(device_, "picture read-back", VkDeviceSize{width} * height * 4, Memory::readBack);
   commands_.run([&](VkCommandBuffer commands) {
     stageBarrier(commands, kCompute, kTransfer);
     VkBufferImageCopy copy{};

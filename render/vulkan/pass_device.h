@@ -58,7 +58,7 @@ class VulkanProgram final : public PassProgram {
   // What the host reads of a recording.
   struct Results {
     explicit Results(const VulkanDevice& device)
-        : timer(device), counters(device, "counters read-back", sizeof(Counters), Memory::host) {}
+        : timer(device), counters(device, "counters read-back", sizeof(Counters), Memory::readBack) {}
     Timer timer;
     Buffer counters;
   };

@@ -171,6 +171,45 @@ TEST_CASE("ellipsoids and centres agree with the reference") {
   CHECK(validationMessages() == "");
 }
 
+TEST_CASE("ellipsoids have their light however thin they are") {
+  const float thinness = GENERATE(1e-4f, 1e-7f, 1e-9f);
+  TestScene scene = makeScene(SceneKind::flat, 16);
+  for (glm::vec3& log_scale : scene.model.log_scale) {
+    *std::min_element(&log_scale.x, &log_scale.x + 3) =
+        std::max({log_scale.x, log_scale.y, log_scale.z}) + std::log(thinness);
+  }
+  RenderSettings settings;
+  settings.outputs = {Output::ellipsoids};
+  const Frame frame = renderScene(scene, settings);
+  const FrameT<double> truth = renderTruth(scene, settings);
+  INFO(thinness);
+  CHECK(wrongShare(frame.ellipsoids, truth.ellipsoids) <= 1e-2);
+  CHECK(shown(frame.ellipsoids, settings.background) > 0.05);
+}
+
+TEST_CASE("hits of one depth keep the order of their Gaussians, in either order") {
+  TestScene scene = thinDiscScene(0.1f, false);
+  GaussianModel& model = scene.model;
+  for (int i = 1; i < 4; ++i) {  // more than are kept open at a pixel's front
+    model.mean.push_back(model.mean[0]);
+    model.rotation.push_back(model.rotation[0]);
+    model.log_scale.push_back(model.log_scale[0]);
+    model.opacity_logit.push_back(model.opacity_logit[0]);
+  }
+  model.sh.clear();
+  for (int i = 0; i < 4; ++i) model.sh.push_back(glm::vec3(i == 0, i == 1, i == 2));
+  model.atlas.rects.assign(model.atlas.rects.empty() ? 0 : 4, TextureRect{});
+  RenderSettings settings;
+  settings.order = GENERATE(SplatOrder::global, SplatOrder::perPixel);
+  const FrameT<double> truth = renderTruth(scene, settings);
+  settings.outputs = {Output::final};
+  const Frame frame = renderScene(scene, settings);
+  std::vector<glm::dvec3> colors(truth.base.size());
+  for (std::size_t i = 0; i < colors.size(); ++i) colors[i] = truth.color(i);
+  INFO(name(settings.order));
+  CHECK(wrongShare(frame.picture, colors) == 0.0);
+}
+
 TEST_CASE("a frame holds the picture alone when nothing else is asked for, and it is the same picture") {
   const TestScene scene = halfTexels(makeScene(SceneKind::mixed, 26));
   RenderSettings settings;

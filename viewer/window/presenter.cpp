@@ -346,7 +346,7 @@ void Presenter::present() {
 
 Image Presenter::copyOut(VkImage image, VkImageLayout layout, VkImageLayout layout_after, glm::ivec2 size, bool bgr) {
   const std::size_t pixels = static_cast<std::size_t>(size.x) * size.y;
-  const Buffer buffer(device_, "a screenshot", pixels * 4, Memory::host);
+  const Buffer buffer(device_, "a screenshot", pixels * 4, Memory::readBack);
   runOnce([&](VkCommandBuffer commands) {
     imageBarrier(commands, image, {VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_ACCESS_MEMORY_WRITE_BIT, layout},
                  {kTransfer, VK_ACCESS_TRANSFER_READ_BIT, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL});
