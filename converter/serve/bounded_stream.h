@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <utility>
 
 namespace tg {
@@ -17,6 +18,7 @@ struct StreamLimits {
   std::uint64_t most_read = 0;                          // [bytes]
   int read_seconds = 0, write_seconds = 0;              // from the beginning of the stream
   int read_stall_seconds = 0, write_stall_seconds = 0;  // without a byte
+  std::uint64_t most_first_line = std::numeric_limits<std::uint64_t>::max();  // [bytes]
 };
 
 // A request and its answer on a connection that stays open. `stopped` is asked ten times a second.
@@ -46,6 +48,11 @@ class BoundedStream : public httplib::Stream {
     const std::size_t some = std::min(size, filled_ - at_);
     std::copy_n(buffer_ + at_, some, out);
     at_ += some;
+    if (in_first_line_) {
+      first_line_ += some;
+      in_first_line_ = std::find(out, out + some, '\n') == out + some;
+      if (in_first_line_ && first_line_ > limits_.most_first_line) return -1;
+    }
     return static_cast<ssize_t>(some);
   }
 
@@ -77,6 +84,8 @@ class BoundedStream : public httplib::Stream {
   char buffer_[1 << 14];
   std::uint64_t read_ = 0;
   std::size_t at_ = 0, filled_ = 0;
+  std::uint64_t first_line_ = 0;  // [bytes] so far
+  bool in_first_line_ = true;
 };
 
 }  // namespace tg

@@ -53,8 +53,6 @@ HttpAnswer refusal(int status, const std::string& why) { return {.status = statu
 
 HttpAnswer answerTo(const httplib::Request& request, const HttpServer::Answer& answer) {
   if (request.method != "GET" && request.method != "HEAD") return refusal(405, "this server is only read from");
-  // A thousand ranges of one text would be a thousand copies of it.
-  if (request.has_header("Range")) return refusal(416, "ranges are not served");
   try {
     return answer({request.path, request.get_header_value("Host"), request.get_header_value("Authorization"),
                    [&](const char* name) { return request.get_param_value(name); }});
@@ -83,6 +81,9 @@ class HttpServer::Server : public httplib::Server {
          {"Referrer-Policy", "no-referrer"},
          {"X-Content-Type-Options", "nosniff"}});
     set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& response) {
+      // Who asks for a range gets the whole: a thousand of one text would be a thousand copies of it. What the library
+      // calls const it made for this answer.
+      const_cast<httplib::Request&>(request).ranges.clear();
       give(answerTo(request, answer_), response);
       return HandlerResponse::Handled;
     });
@@ -137,6 +138,9 @@ class HttpServer::Server : public httplib::Server {
         [bytes = answer.bytes](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
           constexpr std::size_t kPiece = 1 << 16;
           return sink.write(reinterpret_cast<const char*>(bytes->data()) + offset, std::min(length, kPiece));
+        },
+        [sent = std::move(answer.sent)](bool all) {
+          if (all && sent) sent();
         });
   }
 

@@ -22,6 +22,7 @@ struct HttpAnswer {
   std::string type = "text/plain; charset=utf-8";
   std::string text;                                             // compressed where the client asks for it
   std::shared_ptr<const std::vector<std::uint8_t>> bytes = {};  // instead of it, as they are
+  std::function<void()> sent = {};                              // called when the client has them all
 };
 
 // What a request may cost.

@@ -286,8 +286,9 @@ class PageServer::Pages {
     if (request.path == "/state.json") return state(request);
     const Shown now = shown();
     if (request.path == "/model.glb" && now.model) {
-      model_seen_ = now.model_number;
-      return {.type = "model/gltf-binary", .text = "", .bytes = now.model};
+      return {.type = "model/gltf-binary", .text = "", .bytes = now.model, .sent = [this, number = now.model_number] {
+                model_seen_ = number;
+              }};
     }
     if (request.path == "/photograph.png" && now.photograph) {
       return {.type = "image/png", .text = "", .bytes = now.photograph};

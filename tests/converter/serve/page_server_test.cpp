@@ -181,7 +181,9 @@ TEST_CASE("a page, its state and its model come by HTTP, and nothing else does",
   }
   CHECK(get(page.url(), "-X POST -d pause").status() == 405);
   CHECK(get(page.url(), "-X DELETE").status() == 405);
-  CHECK(get(page.url() + "state.json", "-H 'Range: bytes=0-0,0-0'").status() == 416);
+  const Answer whole = get(page.url(), "-H 'Range: bytes=0-0,0-0'");
+  CHECK(whole.status() == 200);
+  CHECK(whole.body == front.body);
 }
 
 TEST_CASE("a model that cannot be made into a file ends nothing", "[serve]") {
@@ -241,6 +243,27 @@ TEST_CASE("requests without end, of strange bytes and from sleepers end by thems
   CHECK(get(page.url()).status() == 200);
   for (std::thread& sleeper : sleepers) sleeper.join();
   CHECK(get(page.url()).status() == 200);
+}
+
+TEST_CASE("a model is seen once all of it has come", "[serve]") {
+  TG_SKIP_IF(noCurl());
+  PageServer page(parseServe("0", ""), "a");
+  stateOf(page);
+  auto bundle = std::make_shared<Bundle>();
+  bundle->model = test::trainedLikeModel(1, 60000);  // more than the sockets hold
+  page.show(bundle);
+  REQUIRE(soon([&] { return stateOf(page)["model"] == 1; }));
+  const auto seenWithin = [&](int milliseconds) {
+    stateOf(page);
+    const auto start = std::chrono::steady_clock::now();
+    page.linger(std::chrono::milliseconds(milliseconds), nullptr);
+    return std::chrono::steady_clock::now() - start < std::chrono::milliseconds(milliseconds);
+  };
+  get(page.url() + "model.glb", "--head");
+  CHECK_FALSE(seenWithin(200));
+  std::jthread slow([&] { get(page.url() + "model.glb", "--limit-rate 8M"); });
+  CHECK_FALSE(seenWithin(300));
+  CHECK(seenWithin(20000));
 }
 
 TEST_CASE("a server goes at once, whoever still listens", "[serve]") {
