@@ -75,6 +75,13 @@ class TemporaryFile {
   std::optional<RemovedBySignal> name_;
 };
 
+// Who may read and write a file that is there.
+std::optional<mode_t> modeOf(const std::filesystem::path& path) {
+  struct stat found{};
+  if (::lstat(path.c_str(), &found) != 0 || !S_ISREG(found.st_mode)) return std::nullopt;
+  return found.st_mode & 0777;
+}
+
 void syncFile(const std::filesystem::path& file, const std::filesystem::path& reported) {
   const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   if (descriptor.get() < 0 || ::fsync(descriptor.get()) != 0) {
@@ -235,6 +242,8 @@ void AtomicFiles::add(const std::filesystem::path& path,
     throw existsAlready(path);
   }
   const Entry& entry = *entries_.emplace_back(std::make_unique<Entry>(path));
+  // Nobody may read what is being written who might not read the older file.
+  if (const auto mode = modeOf(path); replace_ && mode) (void)::chmod(entry.temporary.path.c_str(), *mode | 0600);
   write(entry.temporary.path);
   syncFile(entry.temporary.path, path);
 }
@@ -248,9 +257,8 @@ void AtomicFiles::commit() {
     for (const std::unique_ptr<Entry>& entry : entries_) entry->keepOlder();
   }
   for (const std::unique_ptr<Entry>& entry : entries_) {
-    struct stat before{};  // who may read it is whoever could
-    if (replace_ && ::lstat(entry->path.c_str(), &before) == 0 && S_ISREG(before.st_mode)) {
-      (void)::chmod(entry->temporary.path.c_str(), before.st_mode & 0777);
+    if (const auto mode = modeOf(entry->path); replace_ && mode) {
+      (void)::chmod(entry->temporary.path.c_str(), *mode);
     }
     const bool renamed = replace_ ? ::rename(entry->temporary.path.c_str(), entry->path.c_str()) == 0
                                   : renameWithoutReplacing(entry->temporary.path, entry->path);

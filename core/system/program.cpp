@@ -2,8 +2,12 @@
 // The outermost catch, and the words for a wrong command line.
 #include "core/system/program.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -111,9 +115,10 @@ void refuseUnknownCommand(const CLI::App& app, int argc, char** argv) {
 void refuseEmptyNames(const CLI::App& app) {
   for (const CLI::Option* option : app.get_options()) {
     const std::string type = option->get_type_name();
-    if (type != "FILE" && type != "FOLDER") continue;
+    const bool names_file = type == "FILE" || type == "FOLDER";
+    if (!names_file && type != "[ADDRESS:]PORT") continue;
     if (std::ranges::find(option->results(), "") == option->results().end()) continue;
-    throw Error(ErrorKind::usage, option->get_name() + ": an empty file name");
+    throw Error(ErrorKind::usage, option->get_name() + ": an empty " + (names_file ? "file name" : "address"));
   }
   for (const CLI::App* command : app.get_subcommands()) refuseEmptyNames(*command);
 }
@@ -139,6 +144,14 @@ void checkProcessor() {
     throw Error(ErrorKind::device, "this processor is too old (expected SSE4.2, AES and PCLMUL, as made since 2011)");
   }
 #endif
+}
+
+// A stream that is closed has the number that the next file gets: what is printed would go into that file. Written to,
+// it fails as before.
+void holdStandardStreams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(stream, F_GETFD) < 0) (void)::open("/dev/null", O_RDONLY);  // takes the lowest number that is free
+  }
 }
 
 const char* program_name = "";
@@ -253,6 +266,8 @@ CLI::Option* addBytes(CLI::App& app, const std::string& name, std::uint64_t& byt
 int runProgram(const char* name, const std::function<int()>& body) {
   program_name = name;
   std::set_terminate(endedByLibrary);
+  holdStandardStreams();
+  std::signal(SIGXFSZ, SIG_IGN);  // a file larger than the limit is an error of the write, as on a full disk
   try {
     checkProcessor();
     const int code = body();

@@ -44,7 +44,11 @@ CLI::Validator within(T low, T high) {
   const std::string from = numberText(low), to = numberText(high);
   const auto check = [low, high, from, to](const std::string& text) {
     T value{};
-    if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high) return std::string();
+    // CLI11 takes 010 for 8 and 0x10 for 16, which other numbers here are not.
+    if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high &&
+        (!kWhole || parseWhole<T>(text) == value)) {
+      return std::string();
+    }
     return std::string(kWhole ? "expected an integer" : "expected a number") + " from " + from + " to " + to +
            ", found \"" + text + "\"";
   };

@@ -77,6 +77,7 @@ std::vector<std::string> childEnvironment() {
   const int nothing = ::open("/dev/null", O_RDONLY);
   for (const int signal : kStopSignals) ::signal(signal, SIG_DFL);
   ::signal(SIGPIPE, SIG_DFL);
+  ::signal(SIGXFSZ, SIG_DFL);
   if (::getppid() == parent && nothing >= 0 && ::dup2(nothing, STDIN_FILENO) >= 0 &&
       ::dup2(output, STDOUT_FILENO) >= 0 && ::dup2(log, STDERR_FILENO) >= 0 &&
       (*folder == '\0' || ::chdir(folder) == 0)) {
