@@ -80,6 +80,12 @@ class ProgressLine {
 
 int runBatch(const Arguments& arguments) {
   if (arguments.to.empty()) {
+    for (const char* name : {"lod-meta.json", "model.tgz"}) {  // levels of detail, a training's run
+      const std::filesystem::path inside = std::filesystem::path(arguments.input) / name;
+      if (std::error_code ignored; !std::filesystem::exists(inside, ignored)) continue;
+      throw tg::Error(tg::ErrorKind::usage, arguments.input,
+                      "is a folder (did you mean " + tg::printable(inside.string()) + "?)");
+    }
     throw tg::Error(tg::ErrorKind::usage, "--to is missing (a folder is converted to what format?)");
   }
   tg::BatchReport report;

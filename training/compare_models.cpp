@@ -151,7 +151,10 @@ std::vector<EvalGroup> groupsOf(std::span<const std::string> arguments) {
       continue;
     }
     if (groups.back().models.empty() || !groups.back().dataset.empty()) {
-      throw Error(ErrorKind::usage, argument, "is a data set without a model (expected models, then their data set)");
+      const fs::path inside = fs::path(argument) / "model.tgz";  // of a run folder
+      const std::string hint = fs::exists(inside, ignored) ? " (did you mean " + printable(inside.string()) + "?)" : "";
+      throw Error(ErrorKind::usage, argument,
+                  "is a folder without a model before it (expected models, then their data set)" + hint);
     }
     groups.back().dataset = argument;
   }

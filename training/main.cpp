@@ -13,6 +13,7 @@
 #include "core/system/parallel.h"
 #include "core/system/program.h"
 #include "core/system/shell_word.h"
+#include "core/system/signals.h"
 #include "training/cli.h"
 #include "training/data_commands.h"
 #include "training/farm_flags.h"
@@ -152,6 +153,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
     return code;
   });
   if (parsed) return *parsed;
+  if (*sample || *undistorted || *plotted || *split) tg::handleStopSignals(tg::endAtOnce);
   if (*sample) {
     tg::makeSample(sample_flags);
     return 0;

@@ -349,6 +349,9 @@ int train(const TrainFlags& options, Processes* together) {
                                                               : options.dataset + ": expected " + output);
     }
     if (options.data.layout == "auto" && isForPhotos(options.dataset)) {
+      if (const std::string near = datasetNear(options.dataset); !near.empty()) {
+        throw Error(ErrorKind::badData, options.dataset, "not a data set" + near);
+      }
       throw Error(ErrorKind::badData, options.dataset,
                   (isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
                       std::string(": `tgtrain photos ") + shellWord(options.dataset) +
@@ -534,6 +537,9 @@ int train(const TrainFlags& options, Processes* together) {
       if (written.empty()) written = "(" + std::to_string(fs::file_size(name)) + " bytes)";
       std::printf("%s%s %s\n", result.report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(),
                   written.c_str());
+    }
+    if (!options.untextured_output.empty() && result.untextured) {
+      std::printf("wrote %s, without textures\n", options.untextured_output.c_str());
     }
     if (run && result.report.interrupted) {
       std::printf("the same command with --resume goes on from %s\n", run->checkpoint().c_str());

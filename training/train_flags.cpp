@@ -43,7 +43,21 @@ class SettingsFile : public CLI::ConfigTOML {
     for (const SettingEntry& entry : settingEntries()) {
       if (app_.count("--" + entry.name) > 0) options_.by_flag.insert(&entry);
     }
-    return CLI::ConfigTOML::from_config(input);
+    std::vector<CLI::ConfigItem> found = CLI::ConfigTOML::from_config(input);
+    const std::string path = app_.get_config_ptr()->as<std::string>();
+    for (const CLI::ConfigItem& item : found) {
+      if (!item.parents.empty()) {  // a section would be a command's
+        throw Error(ErrorKind::usage, path, "no such setting: [" + item.parents.front() + "] (expected no sections)");
+      }
+      const CLI::Option* option = app_.get_option_no_throw("--" + item.name);
+      if (option && !option->get_configurable()) {
+        throw Error(ErrorKind::usage, path, "no such setting: " + item.name + " (expected as a flag)");
+      }
+      if (item.inputs.empty() || item.inputs.front().empty()) {
+        throw Error(ErrorKind::usage, path, item.name + ": expected a value, found none");
+      }
+    }
+    return found;
   }
 
  private:
@@ -78,6 +92,7 @@ void addTrainingOptions(CLI::App& app, TrainFlags& options) {
   app.option_defaults()->group("Model and report");
   app.add_option("-o,--output", options.output,
                  "Model to write, by its extension: " + listed(outputNames(true)) + "; optional with --run")
+      ->configurable(false)
       ->type_name("FILE");
   addBytes(app, "--target-size", options.target_bytes,
            "Of a .sog or .glb: at most so many bytes, 900KB or 1.5MB; chooses counts that nobody named")
@@ -89,11 +104,12 @@ void addTrainingOptions(CLI::App& app, TrainFlags& options) {
       ->configurable(false);
   app.add_option("--untextured-output", options.untextured_output,
                  "Write the untextured model too (implies --compare-untextured)")
+      ->configurable(false)
       ->type_name("FILE");
-  app.add_option("--json", options.json, "Also write training.json here")->type_name("FILE");
+  app.add_option("--json", options.json, "Also write training.json here")->configurable(false)->type_name("FILE");
   app.add_flag("--reproducible", options.reproducible,
                "No times and no memory in training.json: same seed, same bytes");
-  app.add_flag("--overwrite", options.overwrite, "Replace existing files");
+  app.add_flag("--overwrite", options.overwrite, "Replace existing files")->configurable(false);
   app.add_flag("-q,--quiet", options.quiet, "Errors only");
   addDatasetFlags(app, options.data);
   app.option_defaults()->group("Settings");

@@ -229,8 +229,8 @@ TEST_CASE("tgeval compares several models on several data sets in a report, the 
   };
   refuses("model.ply scene --report a", 4, "a: exists already (--overwrite replaces it)");
   refuses("model.ply textured.tgz scene", 1, "textured.tgz: is a second model (expected --report with several)");
-  refuses("model.ply scene second --report c", 1, "second: is a data set without a model");
-  refuses("scene model.ply --report c", 1, "scene: is a data set without a model");
+  refuses("model.ply scene second --report c", 1, "second: is a folder without a model before it");
+  refuses("scene model.ply --report c", 1, "scene: is a folder without a model before it");
   refuses("model.ply --report c", 1, "model.ply: has no data set after it");
   refuses("model.ply scene --report c --label a --label b", 1,
           "--label: expected one for each model (expected 1, found 2)");

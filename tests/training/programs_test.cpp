@@ -90,6 +90,12 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   const Outcome nothing = tgtrain(folder, "pictures -o x.tgz");
   CHECK(nothing.code == 3);
   CHECK_THAT(nothing.output, Contains("not a data set"));
+  const Outcome above = tgtrain(folder, ". -o x.tgz");
+  CHECK(above.code == 3);
+  CHECK_THAT(above.output, Contains("not a data set (did you mean ./scene?)"));
+  const Outcome below = tgtrain(folder, "scene/train -o x.tgz");
+  CHECK(below.code == 3);
+  CHECK_THAT(below.output, Contains("(did you mean scene/?)"));
   CHECK(tgtrain(folder, "--help").code == 0);
   CHECK_FALSE(fs::exists(folder / "x.tgz"));
 }
@@ -306,8 +312,7 @@ TEST_CASE("an existing model is kept unless --overwrite, and when writing fails"
   CHECK_THAT(kept.output, Contains("model.tgz: exists already"));
   CHECK(tgtrain(folder, "scene -o missing/model.tgz" + kShort).code == 4);
   // A limit of 8 blocks on file sizes makes the write fail halfway.
-  const Outcome full =
-      run(folder, "(ulimit -f 8; trap '' XFSZ; '" TG_TGTRAIN "' scene -o model.tgz --overwrite -q" + kShort + ")");
+  const Outcome full = run(folder, "(ulimit -f 8; '" TG_TGTRAIN "' scene -o model.tgz --overwrite -q" + kShort + ")");
   CHECK(full.code == 4);
   CHECK_THAT(full.output, Contains("model.tgz: cannot write: File too large") && !Contains("kept"));
   CHECK(tg::readFile(folder / "model.tgz", 1 << 24) == bytes);
@@ -501,6 +506,23 @@ TEST_CASE("a file of settings is refused by the name of what is wrong in it", "[
   const Outcome unknown = run(folder, "echo 'iteratons = 5' >a.toml; '" TG_TGTRAIN "' scene -o m.tgz --config a.toml");
   CHECK(unknown.code == 1);
   CHECK_THAT(unknown.output, Contains("tgtrain: --config: no such setting: iteratons"));
+  // What belongs to one training only, and what would be a command's.
+  for (const char* other : {"output = \"b.tgz\"", "json = \"b.json\"", "overwrite = true", "[make-sample]\nsize = 3",
+                            "make-sample.size = 3", "[farm]"}) {
+    INFO(other);
+    std::ofstream(folder / "a.toml") << other << "\n";
+    const Outcome refused = tgtrain(folder, "scene -o m.tgz --config a.toml");
+    CHECK(refused.code == 1);
+    CHECK_THAT(refused.output, Contains(": no such setting: ") && !Contains("++"));
+  }
+  std::ofstream(folder / "a.toml") << "iterations =\n";
+  CHECK_THAT(tgtrain(folder, "scene -o m.tgz --config a.toml").output,
+             Contains("a.toml: iterations: expected a value, found none"));
+  for (const char* number : {"010", "0x10", "1.5"}) {
+    INFO(number);
+    CHECK(tgtrain(folder, std::string("scene -o m.tgz --threads ") + number).code == 1);
+  }
+  CHECK_THAT(tgtrain(folder, "scene -o m.tgz --serve ''").output, Contains("--serve: an empty address"));
 }
 
 TEST_CASE("an interrupt ends training early and writes the model", "[programs]") {
@@ -552,4 +574,18 @@ TEST_CASE("a distorted data set is trained, and written without its lens", "[pro
   };
   CHECK(psnr(before.output) > 5.0);
   CHECK(psnr(after.output) == Approx(psnr(before.output)).margin(0.01));
+}
+
+TEST_CASE("what is printed goes into no file where streams are closed", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  CHECK(run(folder, "'" TG_TGTRAIN "' scene --run r -o m.tgz" + kShort + " <&- 2>&-").code == 0);
+  std::ifstream metrics(folder / "r/metrics.jsonl");
+  std::string line;
+  int lines = 0;
+  for (; std::getline(metrics, line); ++lines) {
+    INFO(line);
+    CHECK(nlohmann::json::accept(line));
+  }
+  CHECK(lines > 0);
 }

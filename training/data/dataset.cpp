@@ -35,9 +35,13 @@ DatasetLayout detectLayout(const fs::path& folder) {
     return photographs ? DatasetLayout::transforms : DatasetLayout::nerfSynthetic;
   }
   if (isFile(folder / "transforms.json")) return DatasetLayout::transforms;
+  if (std::error_code reason; fs::directory_iterator(folder, reason), reason == std::errc::permission_denied) {
+    throw Error(ErrorKind::cannotRead, folder.string(), "cannot read the folder: " + reason.message());
+  }
   throw Error(ErrorKind::badData, folder.string(),
               "not a data set (expected transforms_train.json, transforms.json, or a COLMAP model in sparse/0 or "
-              "sparse with cameras.bin / cameras.txt; found none of them)");
+              "sparse with cameras.bin / cameras.txt; found none of them)" +
+                  datasetNear(folder));
 }
 
 std::string text(double value) {
@@ -401,6 +405,28 @@ void Dataset::prefetch(std::size_t view) const {
   photographs->prefetch(view);
 }
 
+bool hasCameras(const fs::path& folder) {
+  return findColmapModel(folder) || isFile(folder / "transforms_train.json") || isFile(folder / "transforms.json");
+}
+
+std::string datasetNear(const fs::path& folder) {
+  const auto named = [](const fs::path& found) { return " (did you mean " + printable(found.string()) + "?)"; };
+  constexpr int kMostEntries = 1000, kDeepest = 1;
+  std::error_code reason;
+  std::vector<fs::path> found;
+  int entries = 0;
+  for (fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, reason), end;
+       !reason && entry != end && ++entries <= kMostEntries; entry.increment(reason)) {
+    std::error_code ignored;
+    if (!entry->is_directory(ignored)) continue;
+    if (hasCameras(entry->path())) found.push_back(entry->path());
+    if (entry.depth() == kDeepest) entry.disable_recursion_pending();
+  }
+  if (!found.empty()) return named(*std::ranges::min_element(found));
+  const fs::path above = (folder / "..").lexically_normal();
+  return hasCameras(above) ? named(above) : "";
+}
+
 void checkDatasetOptions(const DatasetOptions& options) {
   if (options.downscale < 1 || options.downscale > kMaxDownscale) {
     throw Error(ErrorKind::usage, "downscale factor out of range (expected 1 to " + std::to_string(kMaxDownscale) +
@@ -488,6 +514,10 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
                             " listed images are missing and were skipped (the first: " + first_missing + ")");
   }
   if (index.entries.empty()) {
+    std::error_code reason;
+    if (listed > 0 && !fs::exists(folder / first_missing, reason) && reason == std::errc::permission_denied) {
+      throw Error(ErrorKind::cannotRead, (folder / first_missing).string(), "cannot open: " + reason.message());
+    }
     throw Error(ErrorKind::badData, folder.string(),
                 listed == 0 ? "the data set lists no images"
                             : "none of the " + std::to_string(listed) + " listed images exists (expected " +

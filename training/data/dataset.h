@@ -75,6 +75,10 @@ struct DatasetOptions {
 // A folder with block.json is some photographs of the data set that it names, with the same ones held out, and its own
 // points3d.ply. Throws Error(cannotRead / badData / usage).
 Dataset loadDataset(const std::filesystem::path& place, const DatasetOptions& options = {});
+// Whether training could begin with this folder as it is: it has cameras.
+bool hasCameras(const std::filesystem::path& folder);
+// " (did you mean PATH?)" where a folder has none and one below it, or the one above it, does; else "".
+std::string datasetNear(const std::filesystem::path& folder);
 // What loadDataset() refuses of the options without a look at the data set. Throws Error.
 void checkDatasetOptions(const DatasetOptions& options);
 

@@ -13,6 +13,7 @@
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "core/system/shell_word.h"
+#include "training/data/dataset.h"
 #include "training/photos/child.h"
 #include "training/photos/film.h"
 #include "training/photos/photograph.h"

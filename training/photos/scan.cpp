@@ -168,10 +168,6 @@ std::vector<PhotographCopy> takeOutCopies(const fs::path& folder, std::vector<fs
   return copies;
 }
 
-bool hasCameras(const fs::path& folder) {
-  return findColmapModel(folder) || isFile(folder / "transforms_train.json") || isFile(folder / "transforms.json");
-}
-
 bool isForPhotos(const fs::path& path) {
   if (isFile(path)) return isFilmName(path);
   std::error_code ignored;

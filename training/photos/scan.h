@@ -36,8 +36,6 @@ struct PhotographCopy {
 std::vector<PhotographCopy> takeOutCopies(const std::filesystem::path& folder,
                                           std::vector<std::filesystem::path>& photographs);
 
-// Whether training could begin with this folder as it is: it has cameras.
-bool hasCameras(const std::filesystem::path& folder);
 // Whether a folder without cameras holds photographs, or a path names a film: what `tgtrain photos` is for.
 bool isForPhotos(const std::filesystem::path& path);
 
