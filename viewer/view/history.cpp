@@ -12,6 +12,7 @@
 #include "render/settings_members.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
+#include "viewer/view/path_editor.h"
 #include "viewer/view/state.h"
 
 namespace tg {
@@ -43,7 +44,6 @@ void eachMember(State& s, const Act& act, Part& part, More&... more) {
     act(s.camera.speed, part.speed, more.speed...);
     act(s.camera.fly, part.fly, more.fly...);
     act(s.camera.up, part.up, more.up...);
-    act(s.camera.turntable, part.turntable, more.turntable...);
     act(s.camera.turntable_speed, part.turntable_speed, more.turntable_speed...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Bookmarks>) {
     act(s.camera.bookmarks, part.cameras, more.cameras...);
@@ -117,11 +117,16 @@ void putBackPath(ViewerState& s, const ViewSnapshot::Path& from, const ViewSnaps
   putBackValue(s.path.drawn, from.drawn, to.drawn);
 }
 
+ViewSnapshot::View capturedView(const ViewerState& s) {
+  auto view = captured<ViewSnapshot::View>(s);
+  view.camera_lists = s.scene.camera_lists;
+  return view;
+}
+
 ViewSnapshot snapshot(const ViewerState& s, const std::optional<ViewSnapshot>& last) {
   ViewSnapshot now;
   now.display = captured<ViewSnapshot::Display>(s);
-  now.view = captured<ViewSnapshot::View>(s);
-  now.view.camera_lists = s.scene.camera_lists;
+  now.view = capturedView(s);
   now.motion = captured<ViewSnapshot::Motion>(s);
   now.bookmarks = sharedWith(last ? last->bookmarks : nullptr, captured<ViewSnapshot::Bookmarks>(s));
   now.path = sharedWith(last ? last->path : nullptr, captured<ViewSnapshot::Path>(s));
@@ -183,8 +188,7 @@ std::string stepName(const ViewSnapshot& before, const ViewSnapshot& after) {
                                                              : "Compare";
   }
   if (before.motion != after.motion) {
-    if (before.motion.up != after.motion.up) return "Up " + std::string(name(after.motion.up));
-    return before.motion.turntable != after.motion.turntable ? "Turntable" : "Camera setting";
+    return before.motion.up != after.motion.up ? "Up " + std::string(name(after.motion.up)) : "Camera setting";
   }
   if (before.recording != after.recording) return "Recording";
   if (before.view != after.view) {
@@ -217,6 +221,13 @@ void setModel(ViewerState& state, ModelPtr model, std::uint64_t revision) {
   state.edit.revision = revision;
   state.edit.preview.reset();
   measure(state.scene);
+}
+
+// What was changed until now is a step of its own. Where the camera has gone by itself is none: undo would take back
+// nothing else, and redo would have nothing left.
+void endStep(ViewerState& state) {
+  if (state.history.last && movesByItself(state)) state.history.last->view = capturedView(state);
+  recordChanges(state, false, false);
 }
 
 // The whole model takes its named views along, and its cameras, those that it had.
@@ -292,7 +303,7 @@ void editModel(ViewerState& state, ModelEdit edit, std::string name, const Selec
                const ModelPtr& known) {
   TG_ASSERT(state.scene.model != nullptr, "a model is edited");
   cancelDrag(state);
-  recordChanges(state, false, false);  // what came before it is a step of its own
+  endStep(state);
   ModelPtr model = applied(*state.scene.model, edit, known);
   HistoryStep step;
   step.name = std::move(name);
@@ -313,7 +324,7 @@ void editModel(ViewerState& state, ModelEdit edit, std::string name, const Selec
 
 void undo(ViewerState& state) {
   if (cancelDrag(state)) return notify(state, "Undone: the drag");
-  recordChanges(state, false, false);
+  endStep(state);
   History& history = state.history;
   if (history.done == 0) return notify(state, "Nothing to undo");
   attempt(state, [&] {
@@ -332,7 +343,7 @@ void undo(ViewerState& state) {
 
 void redo(ViewerState& state) {
   if (cancelDrag(state)) return notify(state, "The drag was taken back");
-  recordChanges(state, false, false);
+  endStep(state);
   History& history = state.history;
   if (history.done == history.steps.size()) return notify(state, "Nothing to redo");
   attempt(state, [&] {

@@ -41,8 +41,7 @@ struct ViewSnapshot {
     double speed = 1;
     bool fly = false;
     UpAxis up = UpAxis::cameras;
-    bool turntable = false;
-    double turntable_speed = 0;
+    double turntable_speed = 0;  // whether it turns is no step, as it is none whether the path plays
     bool operator==(const Motion&) const = default;
   };
   struct Bookmarks {

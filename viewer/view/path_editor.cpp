@@ -127,6 +127,8 @@ bool advance(ViewerState& state, double seconds) {
   return false;
 }
 
+bool movesByItself(const ViewerState& state) { return state.camera.turntable || state.path.playing; }
+
 void toggleRecording(ViewerState& state) {
   RecordState& record = state.record;
   record.wanted = !record.wanted && mayReplace(state, record.out, "recording");

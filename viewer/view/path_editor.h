@@ -24,6 +24,8 @@ void setUp(ViewerState& state, UpAxis axis);  // keeps position and pivot
 
 // What time does: the turntable turns, the path plays. Returns whether the camera moved.
 bool advance(ViewerState& state, double seconds);
+// Whether it would: the path plays, or the turntable is on.
+bool movesByItself(const ViewerState& state);
 
 // Begins a recording, or cancels the one that goes on. A video that is there is replaced only when asked twice.
 void toggleRecording(ViewerState& state);

@@ -116,7 +116,6 @@ class Viewer {
   void askForPicture(bool moving);
   void runEnded();
   bool inspecting() const { return state_.inspect.asked || state_.inspect.busy; }
-  bool animating() const { return state_.camera.turntable || state_.path.playing; }
   void takePicture();
   void drawFrame();
   bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
@@ -319,7 +318,7 @@ bool Viewer::scriptMayGoOn() const {
 void Viewer::waitForEvents() {
   if (script_ && !scriptMayGoOn()) {
     glfwWaitEventsTimeout(kScriptPause);
-  } else if (runs_.active() || animating() || state_.record.wanted || inspecting()) {
+  } else if (runs_.active() || movesByItself(state_) || state_.record.wanted || inspecting()) {
     glfwWaitEventsTimeout(kMotionPause);
   } else if (script_ || frames_since_event_ < kSettleFrames) {
     glfwPollEvents();
@@ -354,7 +353,7 @@ void Viewer::keepEdits(bool moving) {
   const ImGuiIO& io = ImGui::GetIO();
   const bool held = io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2] || ImGui::IsAnyItemActive();
   if (!held) state_.edit.range_before.reset();
-  recordChanges(state_, held || animating() || state_.edit.moving || state_.edit.selecting, moving);
+  recordChanges(state_, held || movesByItself(state_) || state_.edit.moving || state_.edit.selecting, moving);
   if (picture_ && picture_->request.model == shownModel(state_)) updatePreview(state_);
 }
 
@@ -545,7 +544,7 @@ bool Viewer::complete() const {
   if (inspecting() || streaming()) return false;
   if (!state_.scene.model || given_up_) return true;
   if (runDraws()) return picture_ != nullptr;  // no picture is the last one
-  if (animating()) return picture_ && (!capturing() || picture_->image->size == wantedSize());
+  if (movesByItself(state_)) return picture_ && (!capturing() || picture_->image->size == wantedSize());
   return picture_ && same(picture_->request, request(wantedSize()));
 }
 

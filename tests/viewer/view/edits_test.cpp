@@ -364,6 +364,55 @@ TEST_CASE("a drag is one step, and so is what the wheel does without a pause") {
   CHECK(state.history.steps.size() == 3);
 }
 
+TEST_CASE("undo and redo while the camera moves by itself are of what was done, not of where it went") {
+  ViewerState state = sampleState();
+  const bool plays = GENERATE(false, true);
+  CAPTURE(plays);
+  if (plays) {
+    for (const double yaw : {0.5, 0.0}) {
+      addKey(state);
+      orbit(state.camera.pose, yaw, 0);
+    }
+    frame(state);
+  }
+  const auto go = [&] {
+    REQUIRE(advance(state, 0.1));
+    frame(state, movesByItself(state));
+  };
+  plays ? togglePlaying(state) : press(state, 'R');
+  go();
+  choose(state, everyThird(400), SelectMode::replace, nullptr);
+  go();
+  deleteChosen(state);
+  CHECK(state.scene.gaussians == 266);
+  go();
+  const ViewPose pose = state.camera.pose;
+  undo(state);
+  CHECK(state.scene.gaussians == 400);
+  CHECK(state.camera.pose == pose);
+  CHECK(movesByItself(state));
+  go();
+  CHECK(redoName(state) == "Delete 134");
+  redo(state);
+  CHECK(state.scene.gaussians == 266);
+  undo(state);
+  // It stops, and starts again.
+  plays ? togglePlaying(state) : press(state, 'R');
+  CHECK_FALSE(movesByItself(state));
+  plays ? togglePlaying(state) : press(state, 'R');
+  redo(state);
+  CHECK(state.scene.gaussians == 266);
+  go();
+  // At its end all of the way is one step.
+  plays ? togglePlaying(state) : press(state, 'R');
+  const ViewPose end = state.camera.pose;
+  frame(state);
+  CHECK(undoName(state) == "Camera");
+  undo(state);
+  CHECK(state.camera.pose != end);
+  CHECK(state.scene.gaussians == 266);
+}
+
 TEST_CASE("the window's shape and another model are no steps, and the history is bounded") {
   ViewerState state = sampleState();
   REQUIRE(state.camera.index == 0);
