@@ -160,7 +160,9 @@ void keepUnsaved(ViewerState& state) {
 }
 
 bool mayReplace(ViewerState& state, const std::filesystem::path& file, std::string_view use) {
-  const std::string what = std::string(use) + " " + absolutePath(file).string();
+  // Bookmarks and recordings of another model are another file's.
+  const std::string what =
+      std::string(use) + " " + absolutePath(file).string() + " of " + absolutePath(state.scene.path).string();
   const bool pressed_again = std::exchange(state.desktop.replaces, what) == what;
   if (pressed_again || !isFile(file)) return true;
   notify(state, printable(file.filename().string()) + " is there already: once more replaces it");

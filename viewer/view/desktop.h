@@ -62,11 +62,11 @@ struct DesktopState {
   CameraPath kept_path;                  // as it was read or saved last
   std::string kept_bookmarks;            // the same, as their file has them
   std::vector<std::pair<Unsaved, std::filesystem::path>> discarded;  // the user said so; of which model
-  std::string replaces;  // what a button without a dialog wrote, or asked to replace: its use and file
+  std::string replaces;  // what a button without a dialog wrote, or asked to replace: use, file and model
 };
 
-// Whether a button that writes a file may: it is not there, or the button wrote it, or was pressed once more after the
-// user was told. `use`: what the file is to be.
+// Whether a button that writes a file may: it is not there, or the button wrote it last, of the model shown, or was
+// pressed once more after the user was told. `use`: what the file is to be.
 bool mayReplace(ViewerState& state, const std::filesystem::path& file, std::string_view use);
 
 // Close the window, or one of the open models; what is not saved is asked for first.

@@ -111,6 +111,10 @@ TEST_CASE("a button that writes a file asks before it replaces one, and not of i
   std::ofstream(folder / "new.json") << "written by the button";
   CHECK(mayReplace(state, folder / "new.json", "path"));
   CHECK_FALSE(mayReplace(state, folder / "new.json", "cameras"));
+  CHECK(mayReplace(state, folder / "new.json", "cameras"));
+  state.scene.path = "another.tgz";  // whose cameras these are not
+  CHECK_FALSE(mayReplace(state, folder / "new.json", "cameras"));
+  CHECK(mayReplace(state, folder / "new.json", "cameras"));
   state.record.out = folder.path;  // pictures, numbered
   press(state, 'R', true);
   CHECK(state.record.wanted);
