@@ -16,6 +16,25 @@
 
 namespace tg {
 
+OpenModels::View OpenModels::viewOf(const ViewerState& state) {
+  return {state.camera.pose, state.camera.lens, state.camera.index};
+}
+
+void OpenModels::setView(ViewerState& state, const View& view) {
+  const std::vector<Camera>& cameras = state.scene.cameras;
+  state.camera.pose = view.pose;
+  // The file may have been read again, with fewer cameras.
+  state.camera.index = view.camera < static_cast<int>(cameras.size()) ? view.camera : -1;
+  // A model's camera is wholly in view, also where the window has got another shape since.
+  state.camera.lens =
+      state.camera.index < 0 ? view.lens : lensOf(cameras[static_cast<std::size_t>(view.camera)], state.camera.aspect);
+}
+
+// A window that gets another shape changes the lens of a model's camera.
+bool OpenModels::View::operator==(const View& other) const {
+  return pose == other.pose && camera == other.camera && (camera >= 0 || lens == other.lens);
+}
+
 OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
                        std::function<void(ViewerState&, Scene)> adopt, ModelReader model_reader, LodReaderWrap wrap)
     : options_(options),
@@ -141,8 +160,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
       if (document < 0) {
         open(state, std::move(*news->scene));
       } else {
-        const bool untouched = shown && partial && state.camera.pose.position == adopted_pose_.position &&
-                               state.camera.pose.yaw == adopted_pose_.yaw;
+        const bool untouched = shown && partial && viewOf(state) == adopted_view_;
         const bool own_background = shown && state.display.settings.background == backgroundOf(state.scene);
         replace(state, document, std::move(*news->scene));
         if (own_background) state.display.settings.background = backgroundOf(state.scene);  // a part may not know it
@@ -344,7 +362,7 @@ void OpenModels::open(ViewerState& state, Scene scene) {
   state.messages.error = std::move(error);
   if (state.documents.open.size() == 1) firstView(state);
   sharedView(state);
-  adopted_pose_ = state.camera.pose;
+  adopted_view_ = viewOf(state);
 }
 
 // What the command line says about the first view.
@@ -366,9 +384,7 @@ void OpenModels::sharedView(ViewerState& state) const {
   const int left = documentOf(state, left_);
   if (left < 0 || left == state.documents.shown || !sameCameras(sceneAt(state, left), state.scene)) return;
   const Document& document = state.documents.open[static_cast<std::size_t>(left)];
-  state.camera.pose = document.pose;
-  state.camera.lens = document.lens;
-  state.camera.index = document.camera;
+  setView(state, {document.pose, document.lens, document.camera});
 }
 
 void OpenModels::replace(ViewerState& state, int document, Scene scene) {
@@ -383,7 +399,7 @@ void OpenModels::replace(ViewerState& state, int document, Scene scene) {
 void OpenModels::show(ViewerState& state, int document) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   if (document == state.documents.shown) return;
-  const CameraState view = state.camera;
+  const View view = viewOf(state);
   const bool own_background = state.display.settings.background == backgroundOf(state.scene);
   const glm::vec3 background = state.display.settings.background;
   const Scene before = state.scene;
@@ -406,10 +422,7 @@ void OpenModels::show(ViewerState& state, int document) {
   if (!own_background) state.display.settings.background = background;
   // Models of one data set are looked at from one place.
   const bool together = sameCameras(before, state.scene);
-  state.camera.pose = together ? view.pose : kept.pose;
-  state.camera.lens = together ? view.lens : kept.lens;
-  const int camera = together ? view.index : kept.camera;  // the file may have been read again, with fewer cameras
-  state.camera.index = camera < static_cast<int>(state.scene.cameras.size()) ? camera : -1;
+  setView(state, together ? view : View{kept.pose, kept.lens, kept.camera});
 }
 
 void OpenModels::close(ViewerState& state, int document) {

@@ -40,6 +40,15 @@ class OpenModels {
     std::uint64_t models = 0;  // taken
     std::chrono::steady_clock::time_point begun;
   };
+  // Where a model is looked at from. Equal: nobody has moved from the one to the other.
+  struct View {
+    ViewPose pose;
+    Lens lens;
+    int camera = -1;  // of the model's
+    bool operator==(const View& other) const;
+  };
+  static View viewOf(const ViewerState& state);
+  static void setView(ViewerState& state, const View& view);
   void read(const std::filesystem::path& path);
   bool takeStreamed(ViewerState& state);
   void takeNews(ViewerState& state, Stream& stream, SceneStreamer::News news);
@@ -66,7 +75,7 @@ class OpenModels {
   bool starting_ = false;  // what the command line names is all that was asked for
   bool opened_any_ = false;
   bool compare_opened_ = false;             // --compare's model, which is not the one shown
-  ViewPose adopted_pose_;                   // of a part's view, to tell whether it has been moved
+  View adopted_view_;                       // of a part, to tell whether it has been moved
   std::filesystem::path left_;              // the model that was shown when the one opened last came
   std::set<std::filesystem::path> closed_;  // while they were read: what comes of them is not wanted
   double read_seconds_ = 0;

@@ -64,8 +64,14 @@ void leaveDocument(ViewerState& state) {
 }
 
 bool sameCameras(const Scene& a, const Scene& b) {
-  return !a.cameras.empty() && std::equal(a.cameras.begin(), a.cameras.end(), b.cameras.begin(), b.cameras.end(),
-                                          [](const Camera& x, const Camera& y) { return x.name == y.name; });
+  constexpr double kRounding = 1e-4;  // [scene radii], and of a rotation's numbers: files of other formats round
+  const auto same = [&](const Camera& x, const Camera& y) {
+    if (x.name != y.name || glm::distance(x.position(), y.position()) > kRounding * a.bounds.radius) return false;
+    const glm::dmat3 turned = x.rotation - y.rotation;
+    return glm::dot(turned[0], turned[0]) + glm::dot(turned[1], turned[1]) + glm::dot(turned[2], turned[2]) <=
+           kRounding * kRounding;
+  };
+  return !a.cameras.empty() && std::equal(a.cameras.begin(), a.cameras.end(), b.cameras.begin(), b.cameras.end(), same);
 }
 
 int otherDocument(const ViewerState& state) {

@@ -62,7 +62,8 @@ EditState& editAt(ViewerState& state, int document);
 bool hasChanged(const ViewerState& state, int document);
 // Puts the scene and view shown back into their document; none is shown then, but ViewerState::scene stays.
 void leaveDocument(ViewerState& state);
-// Whether two scenes have the same cameras, in number and name, and at least one: models of one data set.
+// Whether two scenes have the same cameras, in number, name and place, and at least one: models of one data set, of
+// which none has been moved. Their sizes may differ, with what they were trained at.
 bool sameCameras(const Scene& a, const Scene& b);
 // What ViewerState::compare names, else the next one after the one shown; -1: there is no other.
 int otherDocument(const ViewerState& state);

@@ -30,13 +30,13 @@ using test::press;
 namespace {
 
 void writeModel(const std::filesystem::path& path, std::size_t gaussians, const std::vector<std::string>& cameras,
-                glm::vec3 background = glm::vec3(0.0f)) {
+                glm::vec3 background = glm::vec3(0.0f), glm::dvec3 moved = glm::dvec3(0.0)) {
   Bundle bundle;
   bundle.model = tinyTexturedModel(gaussians);
   bundle.background = background;
   for (const std::string& name : cameras) {
     bundle.cameras.push_back(
-        lookAt({static_cast<double>(bundle.cameras.size()), 0.5, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
+        lookAt(moved + glm::dvec3(bundle.cameras.size(), 0.5, -4), moved, {0, -1, 0}, 0.8, 64, 48));
     bundle.cameras.back().name = name;
   }
   writeBundle(path, bundle);
@@ -362,6 +362,44 @@ TEST_CASE("a model that opens beside one of its data set is seen from the view t
   }
 }
 
+TEST_CASE("a moved copy has cameras of the same names at other places, and its own view") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png", "y.png"});
+  writeModel(folder / "moved.tgz", 3, {"x.png", "y.png"}, glm::vec3(0.0f), {5, 0, 0});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  goToCamera(state, 1);
+  window.open(folder / "moved.tgz");
+  CHECK(state.camera.index == 0);
+  CHECK(state.camera.pose.position.x == Approx(5));
+  press(state, kKeyPageUp);
+  window.settle();
+  CHECK(state.camera.index == 1);
+  CHECK(state.camera.pose.position.x == Approx(1));
+  press(state, kKeyPageDown);
+  window.settle();
+  CHECK(state.camera.index == 0);
+  CHECK(state.camera.pose.position.x == Approx(5));
+}
+
+TEST_CASE("a model's camera is wholly in view also where the window has got another shape meanwhile") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png"});
+  writeModel(folder / "b.tgz", 4, {"other.png"});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  const Lens wide = state.camera.lens;
+  window.open(folder / "b.tgz");
+  state.camera.aspect = 0.5;
+  press(state, kKeyPageUp);
+  window.settle();
+  REQUIRE(state.camera.index == 0);
+  CHECK(state.camera.lens == lensOf(state.scene.cameras[0], 0.5));
+  CHECK(state.camera.lens.fov_y > wide.fov_y);
+}
+
 TEST_CASE("each model keeps its own crop box, on or off") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {"x.png"});
@@ -490,6 +528,26 @@ TEST_CASE("a part lacks the background of its model, which comes with the rest u
   window.settle();
   REQUIRE(state.scene.gaussians == 3);
   CHECK(state.display.settings.background == (chosen ? red : white));
+}
+
+TEST_CASE("whoever has looked about in a part of a model goes on from there when all of it has come") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png"});
+  const int change = GENERATE(0, 1, 2, 3);
+  CAPTURE(change);
+  SlowReader slow;
+  Window window(optionsFor(folder / "a.tgz"), slow.reader());
+  ViewerState& state = window.state;
+  window.followUntil([&] { return state.scene.partial; });
+  if (change == 1) look(state.camera.pose, 0, 0.2);
+  if (change == 2) state.camera.pose.roll = 0.1;
+  if (change == 3) state.camera.lens.fov_y *= 0.5;
+  const CameraState seen = state.camera;
+  slow.finish();
+  window.settle();
+  REQUIRE(state.scene.gaussians == 3);
+  CHECK(state.camera.index == (change == 0 ? 0 : -1));
+  CHECK((state.camera.pose == seen.pose && state.camera.lens == seen.lens) == (change != 0));
 }
 
 TEST_CASE("a comparison ends with the model that it was with") {
