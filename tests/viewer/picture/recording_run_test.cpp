@@ -43,3 +43,12 @@ TEST_CASE("a recording takes pictures of the path, or of a turn, in order") {
   state.record.out = "f.gif";
   CHECK_THROWS_AS(RecordingRun(state), Error);
 }
+
+TEST_CASE("a window records no numbers: its pictures have colours") {
+  const TemporaryFolder folder;
+  ViewerState state;
+  state.record.out = folder / "frames/##.EXR";
+  CHECK_THROWS_WITH(RecordingRun(state), Contains("recording: expected a video, or pictures as .png or .jpg") &&
+                                             Contains("--output") && Contains("##.EXR"));
+  CHECK_FALSE(std::filesystem::exists(folder / "frames"));
+}
