@@ -329,8 +329,7 @@ void parseShot(Flags& flags) {
   view.up = parse<UpAxis>(flags.up, "--up");
   view.fps = parseNumber(flags.fps, kMinFps, kMaxFps, "--fps");
   if (!flags.turntable.empty()) {
-    const double frames = parseNumber(flags.turntable, 1, kMaxPathFrames, "--turntable");
-    view.turntable = static_cast<int>(frames);
+    view.turntable = static_cast<int>(parseCount(flags.turntable, 1, kMaxPathFrames, "--turntable"));
   }
   if (!flags.elevation.empty()) view.elevation = parseNumber(flags.elevation, -88, 88, "--elevation") * kDegrees;
   if (!flags.radius.empty()) view.radius = parseNumber(flags.radius, 1e-4, 1e9, "--radius");
@@ -374,8 +373,8 @@ void parseValues(Flags& flags) {
   parseSettings(flags);
   if (!flags.size.empty()) view.size = parseSize(flags.size, "--size");
   if (!flags.splat_budget.empty()) {
-    view.splat_budget = static_cast<std::size_t>(
-        parseNumber(flags.splat_budget, kLeastSplatBudget, kMostSplatBudget, "--splat-budget"));
+    view.splat_budget =
+        static_cast<std::size_t>(parseCount(flags.splat_budget, kLeastSplatBudget, kMostSplatBudget, "--splat-budget"));
   }
   view.backend = parse<Backend>(flags.backend, "--backend");
   if (!flags.compare_mode.empty()) view.compare_mode = parse<CompareMode>(flags.compare_mode, "--compare-mode");

@@ -57,9 +57,7 @@ constexpr std::array kCameraVerbs = {
     Verb{"record-size", 1, 0, [](const Call& c) { c.state.record.size = parseSize(c[0], c.what); }},
     Verb{"record-fps", 1, 0, [](const Call& c) { c.state.record.fps = c.number(0, kMinFps, kMaxFps); }},
     Verb{"record-frames", 1, 0,
-         [](const Call& c) {
-           c.state.record.turntable_frames = static_cast<int>(c.number(0, 1, double{kMaxPathFrames}));
-         }},
+         [](const Call& c) { c.state.record.turntable_frames = static_cast<int>(c.count(0, 1, kMaxPathFrames)); }},
     Verb{"record", 1, 1,
          [](const Call& c) {
            c.state.record.out = c[0];

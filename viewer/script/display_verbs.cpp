@@ -23,10 +23,7 @@ constexpr std::array kDisplayVerbs = {
            c.state.display.crop = c[0] != "off";
          }},
     Verb{"inspect", 2, kFramesOfPanels,
-         [](const Call& c) {
-           inspect(c.state, {static_cast<int>(c.number(0, 0, kMaxImageSide - 1)),
-                             static_cast<int>(c.number(1, 0, kMaxImageSide - 1))});
-         }},
+         [](const Call& c) { inspect(c.state, {c.count(0, 0, kMaxImageSide - 1), c.count(1, 0, kMaxImageSide - 1)}); }},
     Verb{"pick", 1, kFramesOfPanels,
          [](const Call& c) { pickHit(c.state, static_cast<int>(c.index(c.state.inspect.hits.size()))); }},
     Verb{"isolate", 1, 0, [](const Call& c) { c.state.inspect.isolated = c.on(); }},
@@ -34,7 +31,7 @@ constexpr std::array kDisplayVerbs = {
     Verb{"continuous", 1, 0, [](const Call& c) { c.state.ui.continuous = c.on(); }},
     Verb{"splat-budget", 1, 1,
          [](const Call& c) {
-           c.state.stream.budget = static_cast<std::size_t>(c.number(0, kLeastSplatBudget, kMostSplatBudget));
+           c.state.stream.budget = static_cast<std::size_t>(c.count(0, kLeastSplatBudget, kMostSplatBudget));
          }},
     Verb{"resolution", 1, 0,
          [](const Call& c) { c.state.display.resolution = c.number(0, kMinResolution, kMaxResolution); }},

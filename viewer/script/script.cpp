@@ -22,12 +22,7 @@ constexpr int kFramesOfOpening = 4;    // announced, opened, shown
 constexpr double kLongestAwait = 60;   // [s]
 constexpr int kMostFrames = 100000;    // of a wait
 constexpr int kMostRounds = 1000000;
-
-int parseCount(const std::string& text, int most, const char* of, const std::string& what) {
-  const double count = parseNumber(text, what);
-  if (!(count >= 1 && count <= most)) refuseValue(what, text, "1 to " + std::to_string(most) + " " + of);
-  return static_cast<int>(count);
-}
+constexpr int kMostModels = 1000000;  // of an await
 
 int parseKey(const std::string& text, const std::string& what) {
   constexpr std::pair<std::string_view, int> kNames[] = {
@@ -59,7 +54,7 @@ int parseDocument(const Call& call) {
 bool arrived(Script& script, const ViewerState& state, const ScriptCommand& command, const std::string& what) {
   const std::string& word = command.words[0];
   const bool file = command.verb == "await-file";
-  if (file ? std::filesystem::exists(word) : state.follow.reloads >= parseNumber(word, what)) {
+  if (file ? std::filesystem::exists(word) : state.follow.reloads >= parseCount(word, 0, kMostModels, what)) {
     script.waiting_since = 0;
     return true;
   }
@@ -183,8 +178,9 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
       const bool awaits = command.verb == "await" || command.verb == "await-file";
       if (awaits && !arrived(script, state, command, at)) return std::nullopt;
       ++script.next;
-      script.wait = command.verb == "wait" ? parseCount(command.words[0], kMostFrames, "frames", at) : verb.wait;
-      if (command.verb == "repeat" && ++script.rounds < parseCount(command.words[0], kMostRounds, "rounds", at)) {
+      script.wait = verb.wait;
+      if (command.verb == "wait") script.wait = static_cast<int>(parseCount(command.words[0], 1, kMostFrames, at));
+      if (command.verb == "repeat" && ++script.rounds < parseCount(command.words[0], 1, kMostRounds, at)) {
         script.next = 0;
       }
       if (command.verb == "keep-going") script.keeps_going = parseSwitch(command.words[0], at);

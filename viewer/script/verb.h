@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a script's commands are made of; tables of them lie in script.cpp and *_verbs.cpp.
 #pragma once
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
@@ -21,6 +22,9 @@ struct Call {
   bool on() const { return parseSwitch(words[0], what); }
   double number(std::size_t word) const { return parseNumber(words[word], what); }
   double number(std::size_t word, double low, double high) const { return parseNumber(words[word], low, high, what); }
+  std::int64_t count(std::size_t word, std::int64_t low, std::int64_t high) const {
+    return parseCount(words[word], low, high, what);
+  }
   std::size_t index(std::size_t count) const { return parseIndex(words[0], count, what); }
   template <Named E>
   E named() const {

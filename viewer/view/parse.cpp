@@ -41,6 +41,15 @@ bool parseSwitch(const std::string& text, const std::string& what) {
   return text == "on";
 }
 
+std::int64_t parseCount(const std::string& text, std::int64_t low, std::int64_t high, const std::string& what) {
+  const auto number = parseWhole<double>(text);  // 1e6 is one
+  if (!number || !(*number >= static_cast<double>(low) && *number <= static_cast<double>(high)) ||
+      *number != std::floor(*number)) {
+    refuseValue(what, text, "a whole number from " + std::to_string(low) + " to " + std::to_string(high));
+  }
+  return static_cast<std::int64_t>(*number);
+}
+
 std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what) {
   const double index = parseNumber(text, what);
   if (!(index >= 0 && index < static_cast<double>(count) && index == std::floor(index))) {

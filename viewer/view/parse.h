@@ -19,6 +19,7 @@ glm::ivec2 parsePixel(const std::string& text, const std::string& what);  // x,y
 bool isImageSize(int width, int height);                                  // of kMaxImageSide and kMaxFramePixels
 std::string imageSizeLimits();                                            // for messages: what isImageSize() allows
 bool parseSwitch(const std::string& text, const std::string& what);       // on, off
+std::int64_t parseCount(const std::string& text, std::int64_t low, std::int64_t high, const std::string& what);
 // A whole number below `count`.
 std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what);
 

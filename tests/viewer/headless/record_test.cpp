@@ -198,6 +198,8 @@ TEST_CASE("every wrong use of --output is one line and its exit code") {
       {{"--path", "bad.json", "--render", "a.png"}, 1},
       {{"--turntable", "0", "-o", "f"}, 1},
       {{"--turntable", "x", "-o", "f"}, 1},
+      {{"--turntable", "2.9", "-o", "f"}, 1},
+      {{"--turntable", "2", "-o", "f", "--splat-budget", "1000.5"}, 1},
       {{"--turntable", "4", "-o", "f.png"}, 1},
       {{"--turntable", "4", "-o", "f", "--render", "a.png"}, 1},
       {{"--turntable", "4", "-o", "f", "--path", "bad.json"}, 1},

@@ -154,6 +154,16 @@ TEST_CASE("a broken script names its line") {
   CHECK_THROWS_AS(readScript("no-such-script.txt"), Error);
 }
 
+TEST_CASE("what a script counts is whole") {
+  for (const char* bad : {"wait 1.5", "repeat 2.5", "await 0.5", "record-frames 2.9", "inspect 1.5 2", "inspect 1 2.5",
+                          "splat-budget 10.5"}) {
+    CAPTURE(bad);
+    ViewerState state;
+    Script script = parseScript(bad, "s.txt");
+    CHECK_THROWS_WITH(step(script, state), Contains("expected a whole number from "));
+  }
+}
+
 TEST_CASE("what the viewer says that did not work ends the script under the command before it") {
   ViewerState state;
   state.messages.error = "of the last session";

@@ -32,6 +32,15 @@ TEST_CASE("pixels, numbers and names: a wrong one says what was expected") {
   CHECK_THROWS_AS(parseNumber("nan", "fov"), Error);
 }
 
+TEST_CASE("what is counted is whole, and nothing of it is cut off") {
+  CHECK(parseCount("1", 1, 100, "--turntable") == 1);
+  CHECK(parseCount("1e2", 1, 100, "--turntable") == 100);
+  for (const char* bad : {"", "0", "101", "2.9", "0.5", "99.999", "nan", "inf", "2 ", "x"}) {
+    CHECK_THROWS_WITH(parseCount(bad, 1, 100, "--turntable"),
+                      "--turntable: expected a whole number from 1 to 100, found \"" + std::string(bad) + "\"");
+  }
+}
+
 TEST_CASE("a camera's number must exist") {
   const std::vector<Camera> cameras(3, lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
   CHECK(cameraOf("2", cameras, "--camera").size.x == 64);
