@@ -60,6 +60,10 @@ constexpr std::array kCameraVerbs = {
          [](const Call& c) { c.state.record.turntable_frames = static_cast<int>(c.count(0, 1, kMaxPathFrames)); }},
     Verb{"record", 1, 1,
          [](const Call& c) {
+           if (c.state.record.wanted) {
+             throw Error(ErrorKind::usage, c.what + ": a recording goes on (expected await-recording or " +
+                                               "cancel-recording before it)");
+           }
            c.state.record.out = c[0];
            c.state.record.wanted = true;
          }},

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <string>
+#include <utility>
 
 #include "core/system/error.h"
 #include "core/tiny_model.h"
@@ -77,6 +79,25 @@ TEST_CASE("await waits for the models of --follow, but not for ever") {
   state.time += 61;
   CHECK_THROWS_WITH(step(late, state),
                     "s: line 1: await: no such model came in 60 s (expected --follow and 3 models, found 2)");
+}
+
+TEST_CASE("a second recording is refused while one goes on") {
+  ViewerState state;
+  Script script = parseScript("record a/#.png\nrecord b/#.png\n", "s.txt");
+  step(script, state);
+  CHECK_THROWS_WITH(step(script, state),
+                    "s.txt: line 2: record: a recording goes on (expected await-recording or "
+                    "cancel-recording before it)");
+  CHECK(state.record.out == "a/#.png");
+  for (const std::string between : {"cancel-recording", "await-recording"}) {
+    state.quit = state.record.wanted = false;
+    script = parseScript("record a/#.png\n" + between + "\nrecord b/#.png\n", "s.txt");
+    for (int frame = 0; frame < 9 && state.record.out != "b/#.png"; ++frame) {
+      step(script, state);
+      if (frame == 4) state.record.wanted = false;  // it is done
+    }
+    CHECK(std::exchange(state.record.out, "") == "b/#.png");
+  }
 }
 
 TEST_CASE("a size request is handed to the window, and time given to follow it") {
