@@ -49,9 +49,9 @@ void histogramBars(ViewerState& state, const Histogram& histogram) {
   const ImVec2 corner = ImGui::GetCursorScreenPos();
   const ImVec2 size(ImGui::GetContentRegionAvail().x, ImGui::GetFontSize() * kHistogramFonts);
   ImGui::InvisibleButton("##histogram", size);
-  const double per_pixel = (histogram.high - histogram.low) / static_cast<double>(size.x);
+  // Exactly the least and the largest value at the ends.
   const auto at = [&](float x) {
-    return histogram.low + static_cast<double>(std::clamp(x - corner.x, 0.0f, size.x)) * per_pixel;
+    return std::lerp(histogram.low, histogram.high, double{std::clamp((x - corner.x) / size.x, 0.0f, 1.0f)});
   };
   const ImGuiIO& io = ImGui::GetIO();
   const float mouse = io.MousePos.x;
@@ -71,7 +71,8 @@ void histogramBars(ViewerState& state, const Histogram& histogram) {
                         ImGui::GetColorU32(ImGuiCol_PlotHistogram));
   }
   if (rangeHolds(edit)) {
-    const auto x = [&](double v) { return corner.x + static_cast<float>((v - histogram.low) / per_pixel); };
+    const double pixels = static_cast<double>(size.x) / (histogram.high - histogram.low);
+    const auto x = [&](double v) { return corner.x + static_cast<float>((v - histogram.low) * pixels); };
     draw->AddRectFilled({x(edit.low), corner.y}, {x(edit.high) + 1, corner.y + size.y}, IM_COL32(255, 190, 60, 70));
     ImGui::Text("%s to %s", valueText(value, edit.low).c_str(), valueText(value, edit.high).c_str());
   } else {

@@ -274,6 +274,37 @@ TEST_CASE("the inspector's columns hold their text and stand apart, however narr
   }
 }
 
+TEST_CASE("a drag over all of the histogram, to either end, selects every Gaussian") {
+  for (std::size_t value = 0; value < selectValues().size(); ++value) {
+    for (double width = kLeastPanel; width < kLeastPanel + 8; ++width) {
+      CAPTURE(value, width);
+      ViewerState state = fullState();
+      state.scene.model = std::make_shared<GaussianModel>(tinyTexturedModel(60));
+      measure(state.scene);
+      state.ui.tab = Tab::edit;
+      state.ui.panel_width = width;
+      state.edit.value = value;
+      const Interface interface;
+      for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+      for (const float to : {-50.0f, Interface::kWidth}) {
+        // Its place: the widget that takes a range.
+        const float from = panelWidth(state, Interface::kWidth) / 2;
+        for (float y = 200; y < Interface::kHeight && !state.edit.range_before; y += 20) {
+          (void)interface.hovered(state, {from, y});
+          (void)interface.hovered(state, {from, y}, true);
+          if (!state.edit.range_before) (void)interface.hovered(state, {from, y});
+          if (state.edit.range_before) (void)interface.hovered(state, {to, y}, true);
+        }
+        REQUIRE(state.edit.range_before);
+        const Histogram* histogram = histogramShown(state);
+        CHECK((to < 0 ? state.edit.low == histogram->low : state.edit.high == histogram->high));
+        (void)interface.hovered(state, {to, 0});
+        state.edit.range_before.reset();
+      }
+    }
+  }
+}
+
 TEST_CASE("a notice that is longer than the window is wide stays inside") {
   ViewerState state = bareState();
   const Interface interface;
