@@ -8,6 +8,7 @@
 #include "core/file/identity.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "viewer/model/scene_of.h"
 #include "viewer/view/documents.h"
 #include "viewer/view/edits.h"
@@ -15,6 +16,20 @@
 #include "viewer/view/parse.h"
 
 namespace tg {
+
+std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state) {
+  std::vector<std::filesystem::path>& requests = state.documents.open_requests;
+  const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
+    return lowerExtension(path) != ".json" || isLodMeta(path);
+  });
+  const bool with_models = first != requests.begin();
+  std::vector<std::filesystem::path> due;
+  if (!with_models && !state.loading.active) due = std::exchange(state.documents.camera_files, {});
+  std::vector<std::filesystem::path>& files = with_models ? state.documents.camera_files : due;
+  files.insert(files.end(), first, requests.end());
+  requests.erase(first, requests.end());
+  return due;
+}
 
 OpenModels::View OpenModels::viewOf(const ViewerState& state) {
   return {state.camera.pose, state.camera.lens, state.camera.index};
@@ -90,6 +105,7 @@ bool OpenModels::update(ViewerState& state) {
     loader_.cancel();
     std::erase_if(streams_, [](const Stream& stream) { return stream.models == 0; });
     state.desktop.agreed.clear();
+    documents.camera_files.clear();
     say(state, "Opening was cancelled");
   }
   bool changed = takeLoaded(state);
@@ -194,6 +210,7 @@ void OpenModels::takeFailure(ViewerState& state, const std::string& problem, int
   }
   state.messages.error = problem;
   state.messages.notice_until = 0;
+  state.documents.camera_files.clear();  // they were for it
 }
 
 bool OpenModels::takeStreamed(ViewerState& state) {

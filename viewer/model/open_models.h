@@ -2,6 +2,7 @@
 // Opens, replaces and closes the models that the state asks for: loading, --follow, switching.
 #pragma once
 #include <chrono>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <set>
@@ -15,6 +16,10 @@
 #include "viewer/view/state.h"
 
 namespace tg {
+
+// What of the requests is no model but a camera path, or cameras for the one shown. Once a frame, before update():
+// those that came together with models wait for them.
+std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state);
 
 class OpenModels {
  public:

@@ -35,6 +35,7 @@ struct DocumentState {
   int shown = -1;              // of `open`; -1: none
   // What the window does next; panels, keys and scripts write here.
   std::vector<std::filesystem::path> open_requests;
+  std::vector<std::filesystem::path> camera_files;  // asked for together with models, and opened when these are shown
   std::optional<int> show_request, close_request;  // of `open`
 };
 

@@ -17,7 +17,6 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/system/error.h"
-#include "core/system/lower_case.h"
 #include "core/system/signals.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
@@ -307,7 +306,8 @@ bool Viewer::timedOnDevice(const std::function<void()>& draw) {
 
 bool Viewer::scriptMayGoOn() const {
   const DocumentState& documents = state_.documents;
-  const bool asked = !documents.open_requests.empty() || documents.show_request || documents.close_request;
+  const bool asked = !documents.open_requests.empty() || !documents.camera_files.empty() || documents.show_request ||
+                     documents.close_request;
   const bool loading = state_.loading.active && !state_.loading.script_goes_on;
   const bool saving = state_.desktop.saving || state_.desktop.save_request;
   const bool typed = graphics_->gui.inputQueued();
@@ -503,13 +503,7 @@ glm::dvec2 Viewer::fromMiddle(glm::dvec2 place) const {
 
 // A .json is no model: a camera path, or cameras that replace the cameras of the one shown.
 void Viewer::openCameraFiles() {
-  std::vector<std::filesystem::path>& requests = state_.documents.open_requests;
-  const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
-    return lowerExtension(path) != ".json" || isLodMeta(path);
-  });
-  const std::vector<std::filesystem::path> files(first, requests.end());
-  requests.erase(first, requests.end());
-  for (const std::filesystem::path& path : files) attempt(state_, [&] { openJson(path); });
+  for (const std::filesystem::path& path : takeCameraFiles(state_)) attempt(state_, [&] { openJson(path); });
 }
 
 void Viewer::openJson(const std::filesystem::path& path) {

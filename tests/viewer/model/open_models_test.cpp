@@ -583,6 +583,37 @@ TEST_CASE("a file that is open and has changed is read again in its place, under
   CHECK(window.state.camera.index == 1);
 }
 
+TEST_CASE("cameras that are dropped together with a model are the new model's, not the one's that is shown") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  writeModel(folder / "b.tgz", 4, {});
+  std::ofstream(folder / "broken.tgz") << "nothing";
+  const std::filesystem::path cameras = folder / "cameras.json";
+  using Files = std::vector<std::filesystem::path>;
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  Files& requests = state.documents.open_requests;
+  requests = {cameras};
+  CHECK(takeCameraFiles(state) == Files{cameras});
+  CHECK(requests.empty());
+  requests = {cameras, folder / "b.tgz"};
+  CHECK(takeCameraFiles(state).empty());
+  CHECK(requests == Files{folder / "b.tgz"});
+  window.open_models.update(state);
+  if (state.loading.active) CHECK(takeCameraFiles(state).empty());
+  window.settle();
+  CHECK(state.scene.gaussians == 4);
+  CHECK(takeCameraFiles(state) == Files{cameras});
+  CHECK(takeCameraFiles(state).empty());
+  // Where that model does not come they are nobody's.
+  requests = {folder / "broken.tgz", cameras};
+  CHECK(takeCameraFiles(state).empty());
+  window.settle();
+  CHECK_THAT(state.messages.error, Contains("broken.tgz"));
+  CHECK(takeCameraFiles(state).empty());
+}
+
 TEST_CASE("what cannot be read is an error at the start, and a message later") {
   const TemporaryFolder folder;
   std::ofstream(folder / "broken.tgz") << "no archive";
