@@ -151,6 +151,8 @@ void escape(ViewerState& state) {
     state.loading.cancel = true;
   } else if (state.record.wanted) {
     state.record.wanted = false;
+  } else if (movesByItself(state)) {
+    state.path.playing = state.camera.turntable = false;
   } else if (state.desktop.fullscreen) {
     state.desktop.fullscreen = false;
   } else if (state.time < state.ui.escape_until) {

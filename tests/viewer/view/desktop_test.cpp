@@ -155,6 +155,7 @@ TEST_CASE("Esc leaves the full screen before it leaves the program") {
 
 TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the program") {
   ViewerState state = stateWithModel();
+  const bool turns = GENERATE(false, true);
   state.record.wanted = state.inspect.active = state.inspect.isolated = true;
   state.edit.tool = EditTool::move;
   press(state, kKeyEscape);
@@ -164,8 +165,13 @@ TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the 
   CHECK_FALSE(state.inspect.active);
   CHECK_FALSE(state.inspect.isolated);
   CHECK(state.record.wanted);
+  (turns ? state.camera.turntable : state.path.playing) = true;
   press(state, kKeyEscape);
   CHECK_FALSE(state.record.wanted);
+  CHECK(movesByItself(state));
+  press(state, kKeyEscape);
+  CHECK_FALSE(movesByItself(state));
+  state.time += 60;
   press(state, kKeyEscape);
   CHECK_FALSE(state.quit);
   press(state, kKeyEscape);
