@@ -72,7 +72,7 @@ void enterFolder(FileBrowser& browser, const fs::path& folder) {
   browser.entries.clear();
   browser.more = false;
   browser.problem.clear();
-  fs::directory_iterator at(browser.folder, fs::directory_options::skip_permission_denied, error);
+  fs::directory_iterator at(browser.folder, error);
   for (; !error && at != fs::directory_iterator(); at.increment(error)) {
     if (browser.entries.size() == kMaxFolderEntries) {
       browser.more = true;

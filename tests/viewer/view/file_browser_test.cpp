@@ -2,6 +2,8 @@
 // The file dialog without its widgets.
 #include "viewer/view/file_browser.h"
 
+#include <unistd.h>
+
 #include <cstdlib>
 #include <fstream>
 
@@ -178,4 +180,17 @@ TEST_CASE("folders that are gone, crowded or full of odd names are listed as far
   CHECK(chooseFile(browser) == folder / "odd/a\nb.tgz");
   for (int i = 0; i < 40; ++i) leaveFolder(browser);
   CHECK(browser.folder == "/");
+}
+
+TEST_CASE("a folder that may not be read says so") {
+  const TemporaryFolder folder;
+  std::filesystem::permissions(folder.path, std::filesystem::perms(0755));
+  std::filesystem::create_directory(folder / "shut");
+  std::filesystem::permissions(folder / "shut", std::filesystem::perms::none);
+  const uid_t user = ::geteuid();
+  if (user == 0) REQUIRE(::seteuid(65534) == 0);  // nothing is kept from root
+  FileBrowser browser;
+  enterFolder(browser, folder / "shut");
+  if (user == 0) REQUIRE(::seteuid(0) == 0);
+  CHECK(browser.problem == "This folder cannot be read: Permission denied");
 }
