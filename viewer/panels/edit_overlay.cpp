@@ -31,10 +31,10 @@ ImVec2 onScreen(const PictureOnScreen& picture, glm::dvec2 at) {
 }
 
 // A light line with a dark one beneath, seen over any picture.
-void toolLine(ImDrawList* draw, const ImVec2* points, int count, bool closed) {
+void toolLine(const PictureOnScreen& picture, ImDrawList* draw, const ImVec2* points, int count, bool closed) {
   const ImDrawFlags flags = closed ? ImDrawFlags_Closed : ImDrawFlags_None;
-  draw->AddPolyline(points, count, kToolShade, flags, 3.0f);
-  draw->AddPolyline(points, count, kToolLine, flags, 1.2f);
+  draw->AddPolyline(points, count, kToolShade, flags, 3.0f * picture.scale);
+  draw->AddPolyline(points, count, kToolLine, flags, 1.2f * picture.scale);
 }
 
 // Where the drag under way has moved them.
@@ -52,8 +52,9 @@ void dots(const ViewerState& state, const PictureOnScreen& picture, ImDrawList* 
     const glm::dvec2 size(picture.camera.size);
     if (!(at.x >= 0 && at.y >= 0 && at.x < size.x && at.y < size.y)) continue;
     const ImVec2 c = onScreen(picture, at);
-    if (rims) draw->AddRectFilled({c.x - 2, c.y - 2}, {c.x + 2, c.y + 2}, kChosenRim);
-    draw->AddRectFilled({c.x - 1, c.y - 1}, {c.x + 1, c.y + 1}, kChosen);
+    const float r = picture.scale;
+    if (rims) draw->AddRectFilled({c.x - 2 * r, c.y - 2 * r}, {c.x + 2 * r, c.y + 2 * r}, kChosenRim);
+    draw->AddRectFilled({c.x - r, c.y - r}, {c.x + r, c.y + r}, kChosen);
   }
 }
 
@@ -63,7 +64,7 @@ void circle(const PictureOnScreen& picture, ImDrawList* draw, glm::dvec2 middle,
     const double angle = 2 * 3.14159265358979323846 * i / kCircleSteps;
     points.push_back(onScreen(picture, middle + radius * glm::dvec2(std::cos(angle), std::sin(angle))));
   }
-  toolLine(draw, points.data(), kCircleSteps, true);
+  toolLine(picture, draw, points.data(), kCircleSteps, true);
 }
 
 // Three great circles.
@@ -82,7 +83,7 @@ void sphere(const ViewerState& state, const PictureOnScreen& picture, ImDrawList
       const auto ends = projected(picture.camera, point(i), point(i + 1));
       if (!ends) continue;
       const ImVec2 points[] = {onScreen(picture, ends->first), onScreen(picture, ends->second)};
-      toolLine(draw, points, 2, false);
+      toolLine(picture, draw, points, 2, false);
     }
   }
 }
@@ -92,6 +93,7 @@ void gizmo(const ViewerState& state, const PictureOnScreen& picture, ImDrawList*
   if (!shown) return;
   const auto& moving = state.edit.moving;
   const Handle lit = moving ? moving->handle : state.edit.hovered;
+  const float one = picture.scale;
   for (const GizmoLine& line : gizmoLines(*shown, picture.camera)) {
     if (line.points.size() < 2) continue;
     ImU32 color = IM_COL32(235, 235, 235, 255);
@@ -102,21 +104,22 @@ void gizmo(const ViewerState& state, const PictureOnScreen& picture, ImDrawList*
     std::vector<ImVec2> points;
     for (const glm::dvec2 p : line.points) points.push_back(onScreen(picture, p));
     const int count = static_cast<int>(points.size());
-    draw->AddPolyline(points.data(), count, kToolShade, 0, 5.0f);
-    draw->AddPolyline(points.data(), count, color, 0, line.handle == lit ? 3.5f : 2.5f);
+    draw->AddPolyline(points.data(), count, kToolShade, 0, 5.0f * one);
+    draw->AddPolyline(points.data(), count, color, 0, (line.handle == lit ? 3.5f : 2.5f) * one);
     if (!line.arrow) continue;
     const ImVec2 tip = points.back(), foot = points.front();
     const float dx = tip.x - foot.x, dy = tip.y - foot.y, length = std::sqrt(dx * dx + dy * dy);
-    if (length < 12) continue;
-    const ImVec2 u(dx / length, dy / length);
+    if (length < 12 * one) continue;
+    const ImVec2 u(one * dx / length, one * dy / length);
     draw->AddTriangleFilled({tip.x + 10 * u.x, tip.y + 10 * u.y}, {tip.x - 5 * u.y, tip.y + 5 * u.x},
                             {tip.x + 5 * u.y, tip.y - 5 * u.x}, color);
   }
   if (!moving || !state.edit.pointer) return;
   const std::string text = dragText(moving->gizmo, moving->handle, moving->similarity);
   const ImVec2 at = onScreen(picture, *state.edit.pointer), size = ImGui::CalcTextSize(text.c_str());
-  draw->AddRectFilled({at.x + 14, at.y + 12}, {at.x + 22 + size.x, at.y + 18 + size.y}, IM_COL32(27, 30, 35, 220), 4);
-  draw->AddText({at.x + 18, at.y + 15}, kToolLine, text.c_str());
+  draw->AddRectFilled({at.x + 14 * one, at.y + 12 * one}, {at.x + 22 * one + size.x, at.y + 18 * one + size.y},
+                      IM_COL32(27, 30, 35, 220), 4 * one);
+  draw->AddText({at.x + 18 * one, at.y + 15 * one}, kToolLine, text.c_str());
 }
 
 // The inspected pixel, wherever the camera has gone since.
@@ -127,11 +130,14 @@ void pixelMark(const ViewerState& state, const PictureOnScreen& picture, ImDrawL
   if (!(p.z > 0)) return;
   const ImVec2 c = onScreen(picture, project(picture.camera, p));
   for (const auto& [x, y] : {std::pair(1.0f, 0.0f), {-1.0f, 0.0f}, {0.0f, 1.0f}, {0.0f, -1.0f}}) {
-    const ImVec2 ends[] = {{c.x + 4 * x, c.y + 4 * y}, {c.x + 12 * x, c.y + 12 * y}};
-    toolLine(draw, ends, 2, false);
+    const float near = 4 * picture.scale, far = 12 * picture.scale;
+    const ImVec2 ends[] = {{c.x + near * x, c.y + near * y}, {c.x + far * x, c.y + far * y}};
+    toolLine(picture, draw, ends, 2, false);
   }
-  draw->AddRect({c.x - 2, c.y - 2}, {c.x + 2, c.y + 2}, kToolShade, 0, 0, 3.0f);
-  draw->AddRect({c.x - 2, c.y - 2}, {c.x + 2, c.y + 2}, kToolLine);
+  const ImVec2 low(c.x - 2 * picture.scale, c.y - 2 * picture.scale);
+  const ImVec2 high(c.x + 2 * picture.scale, c.y + 2 * picture.scale);
+  draw->AddRect(low, high, kToolShade, 0, 0, 3.0f * picture.scale);
+  draw->AddRect(low, high, kToolLine, 0, 0, picture.scale);
 }
 
 }  // namespace
@@ -147,7 +153,7 @@ void editOverlay(const ViewerState& state, const PictureOnScreen& picture) {
     const ImVec2 corners[] = {a, {b.x, a.y}, b, {a.x, b.y}};
     draw->AddRectFilled({std::min(a.x, b.x), std::min(a.y, b.y)}, {std::max(a.x, b.x), std::max(a.y, b.y)},
                         IM_COL32(255, 255, 255, 25));
-    toolLine(draw, corners, 4, true);
+    toolLine(picture, draw, corners, 4, true);
   }
   if (edit.tool == EditTool::brush && edit.pointer) circle(picture, draw, *edit.pointer, edit.brush);
   if (edit.tool == EditTool::sphere && edit.pointer) sphere(state, picture, draw);

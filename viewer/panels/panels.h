@@ -27,6 +27,7 @@ float panelWidth(const ViewerState& state, float window_width);
 struct PictureOnScreen {
   Camera camera;
   glm::vec2 corner{0.0f};
+  float scale = 1;  // UiState::scale
 };
 PictureOnScreen pictureOnScreen(const ViewerState& state);
 // What of the pointer is an edit tool's, not the camera's. Once a frame, before drawPanels().

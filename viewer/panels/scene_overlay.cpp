@@ -15,7 +15,9 @@ PictureOnScreen pictureOnScreen(const ViewerState& state) {
   // In ImGui's units: the picture's pixels may be finer. Of two pictures beside each other, the left one.
   int width = std::max(static_cast<int>(size.x - left), 1);
   if (state.compare.how.mode == CompareMode::side) width = sideWidth(width);
-  return {toCamera(state.camera.pose, state.camera.lens, width, std::max(static_cast<int>(size.y), 1)), {left, 0}};
+  return {toCamera(state.camera.pose, state.camera.lens, width, std::max(static_cast<int>(size.y), 1)),
+          {left, 0},
+          static_cast<float>(state.ui.scale)};
 }
 
 void sceneOverlay(const ViewerState& state) {

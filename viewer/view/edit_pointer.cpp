@@ -101,7 +101,7 @@ std::optional<Gizmo> shownGizmo(const ViewerState& state, const Camera& camera) 
     const Similarity& s = state.edit.moving->similarity;
     origin = s.scale * (s.rotation * origin) + s.translation;
   }
-  return gizmoAt(kind, origin, camera);
+  return gizmoAt(kind, origin, camera, state.ui.scale);
 }
 
 PointerTaken editPointer(ViewerState& state, const EditPointer& pointer, const Camera& camera) {

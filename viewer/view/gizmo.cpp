@@ -13,9 +13,9 @@
 namespace tg {
 namespace {
 
-constexpr double kAxisPixels = 80;  // [px] of an axis that lies in the picture's plane
-constexpr double kReach = 8;        // [px] around a handle
-constexpr double kMiddle = 9;       // [px] half the square in the middle
+constexpr double kAxisPixels = 80;  // [Gizmo::unit] of an axis that lies in the picture's plane
+constexpr double kReach = 8;        // [Gizmo::unit] around a handle
+constexpr double kMiddle = 9;       // [Gizmo::unit] half the square in the middle
 constexpr double kViewRing = 1.2;   // [axes] its radius
 constexpr int kRingSteps = 64;      // of a ring's line
 constexpr double kEdgeOn = 0.25;    // a ring's plane that is steeper to the view is turned along its line
@@ -57,7 +57,7 @@ GizmoLine square(const Gizmo& gizmo, const Camera& camera) {
   const glm::dvec2 middle = pixelOf(camera, gizmo.origin);
   GizmoLine line{{}, Handle::view};
   for (const glm::dvec2 corner : {glm::dvec2(-1, -1), {1, -1}, {1, 1}, {-1, 1}, {-1, -1}}) {
-    line.points.push_back(middle + kMiddle * corner);
+    line.points.push_back(middle + kMiddle * gizmo.unit * corner);
   }
   return line;
 }
@@ -106,10 +106,10 @@ double angleAbout(const Gizmo& gizmo, glm::dvec3 axis, const Camera& camera, glm
 
 }  // namespace
 
-std::optional<Gizmo> gizmoAt(GizmoKind kind, glm::dvec3 origin, const Camera& camera) {
+std::optional<Gizmo> gizmoAt(GizmoKind kind, glm::dvec3 origin, const Camera& camera, double unit) {
   const double depth = depthOf(camera, origin);
   if (!(depth > kNearestDepth)) return std::nullopt;
-  return Gizmo{kind, origin, kAxisPixels * depth / camera.focal.y};
+  return Gizmo{kind, origin, kAxisPixels * unit * depth / camera.focal.y, unit};
 }
 
 std::vector<GizmoLine> gizmoLines(const Gizmo& gizmo, const Camera& camera) {
@@ -139,10 +139,11 @@ std::vector<GizmoLine> gizmoLines(const Gizmo& gizmo, const Camera& camera) {
 
 Handle handleAt(const Gizmo& gizmo, const Camera& camera, glm::dvec2 at) {
   Handle found = Handle::none;
-  double nearest = kReach;
+  double nearest = kReach * gizmo.unit;
   // The square in the middle lies over the axes that begin there.
   const glm::dvec2 from_middle = glm::abs(at - pixelOf(camera, gizmo.origin));
-  if (gizmo.kind == GizmoKind::move && from_middle.x <= kMiddle && from_middle.y <= kMiddle) return Handle::view;
+  const double half = kMiddle * gizmo.unit;
+  if (gizmo.kind == GizmoKind::move && from_middle.x <= half && from_middle.y <= half) return Handle::view;
   for (const GizmoLine& line : gizmoLines(gizmo, camera)) {
     // Nothing can be dragged along an axis that points at the viewer.
     if (line.arrow && !alongAxis(gizmo, axisOf(line.handle, camera), camera, at)) continue;
@@ -162,8 +163,9 @@ Similarity dragged(const Gizmo& gizmo, Handle handle, const Camera& camera, glm:
   if (gizmo.kind == GizmoKind::scale) {
     const double before = glm::distance(from, middle), after = glm::distance(to, middle);
     // From the middle there is no ratio: right and up make it larger.
-    const double factor =
-        before > 2 * kMiddle ? after / before : std::exp((to.x - from.x - to.y + from.y) / kAxisPixels);
+    const double factor = before > 2 * kMiddle * gizmo.unit
+                              ? after / before
+                              : std::exp((to.x - from.x - to.y + from.y) / (kAxisPixels * gizmo.unit));
     result.scale = std::clamp(factor, kLeastScale, kMostScale);
     return about(result, gizmo.origin);
   }

@@ -21,10 +21,11 @@ struct Gizmo {
   GizmoKind kind = GizmoKind::move;
   glm::dvec3 origin{0.0};  // world
   double size = 1;         // [world units] of an axis; about as many pixels everywhere
+  double unit = 1;         // [px] of what one is at 96 dpi
 };
 
 // None where the point lies behind the camera, or so near that it has no place in the picture.
-std::optional<Gizmo> gizmoAt(GizmoKind kind, glm::dvec3 origin, const Camera& camera);
+std::optional<Gizmo> gizmoAt(GizmoKind kind, glm::dvec3 origin, const Camera& camera, double unit = 1);
 
 // A line of a handle in the image [px]. Square dots are where scaling and moving in the picture's plane begin.
 struct GizmoLine {

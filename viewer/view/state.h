@@ -107,6 +107,7 @@ constexpr double kLeastPanel = 19, kUsualPanel = 21, kMostPanel = 60;  // [font 
 struct UiState {
   bool panel = true;
   double panel_width = kUsualPanel;  // [font heights]
+  double scale = 1;                  // [ImGui units] of what one is at 96 dpi; written by the window
   Tab tab = Tab::view;
   bool help = false;
   bool menu = false;        // the menu bar lies over the picture: the pointer has come for it, the panel is hidden

@@ -11,7 +11,7 @@
 namespace tg {
 namespace {
 
-constexpr float kDividerReach = 6;  // [ImGui units] around the line of a wipe
+constexpr float kDividerReach = 6;  // [UiState::scale] around the line of a wipe
 
 }  // namespace
 
@@ -82,14 +82,16 @@ double ComparisonControl::untilFlicker(const CompareState& compare, double now) 
   return std::max(compare.flicker_seconds - (now - flickered_), 1e-3);
 }
 
-bool ComparisonControl::dragDivider(Comparison& how, PixelRect area) {
+bool ComparisonControl::dragDivider(ViewerState& state, PixelRect area) {
+  Comparison& how = state.compare.how;
   const ImGuiIO& io = ImGui::GetIO();
   if (how.mode != CompareMode::wipe || !io.MouseDown[0]) return dragging_divider_ = false;
   const float pixels = std::max(io.DisplayFramebufferScale.x, 1e-3f);
   const float left = static_cast<float>(area.origin.x) / pixels, width = static_cast<float>(area.size.x) / pixels;
   if (!dragging_divider_) {
     const bool pressed = ImGui::IsMouseClicked(0) && !io.WantCaptureMouse;
-    dragging_divider_ = pressed && std::abs(io.MousePos.x - (left + how.divider * width)) < kDividerReach;
+    const float reach = kDividerReach * static_cast<float>(state.ui.scale);
+    dragging_divider_ = pressed && std::abs(io.MousePos.x - (left + how.divider * width)) < reach;
   }
   if (dragging_divider_) how.divider = std::clamp((io.MousePos.x - left) / width, 0.0f, 1.0f);
   return dragging_divider_;

@@ -35,7 +35,7 @@ class ComparisonControl {
   double untilFlicker(const CompareState& compare, double now) const;
 
   // Whether the pointer moves the line of a wipe over `area` instead of the camera. Within a frame of Dear ImGui.
-  bool dragDivider(Comparison& how, PixelRect area);
+  bool dragDivider(ViewerState& state, PixelRect area);
 
  private:
   std::optional<Photographs> photographs_;

@@ -74,12 +74,13 @@ void applyStyle(float scale) {
 
 }  // namespace
 
-Gui::Gui(GLFWwindow* window, Screen& screen) : window_(window), screen_(screen), fonts_(interfaceScale(window)) {
+Gui::Gui(GLFWwindow* window, Screen& screen)
+    : window_(window), screen_(screen), scale_(interfaceScale(window)), fonts_(scale_) {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
   ImGui::GetIO().IniFilename = nullptr;  // leaves no file in the user's folder
   fonts_.load();
-  applyStyle(interfaceScale(window));
+  applyStyle(scale_);
   try {
     screen_.startPanels();
   } catch (...) {

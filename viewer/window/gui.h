@@ -28,6 +28,7 @@ class Gui {
   // Asks for the letters of a text, which are there a frame later.
   void want(std::string_view text) { fonts_.want(text); }
   bool stale() const { return fonts_.stale(); }
+  double scale() const { return scale_; }  // UiState::scale
   void endFrame();  // no widgets after this; Screen::draw() shows them
 
  private:
@@ -35,6 +36,7 @@ class Gui {
 
   GLFWwindow* window_;
   Screen& screen_;
+  const float scale_;
   Fonts fonts_;
   std::vector<int> held_down_;  // keys that are down for a frame only
 };

@@ -48,7 +48,7 @@ constexpr double kHandleRest = 0.3;      // [s] without a move after which a dra
 constexpr double kProgressPause = 0.05;  // [s] between frames while a file is read
 constexpr double kMotionPause = 0.008;   // [s] between frames while the camera moves by itself or pictures are made
 constexpr double kDoubleClick = 0.4;     // [s] at most between its presses
-constexpr float kStill = 3;              // [ImGui units] a hand moves while it clicks
+constexpr double kStill = 3;             // [UiState::scale] a hand moves while it clicks
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
 
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
@@ -226,6 +226,7 @@ int Viewer::run() {
     }
     state_.time = glfwGetTime();
     graphics_->gui.beginFrame(events_);
+    state_.ui.scale = graphics_->gui.scale();
     if (heardInput(events_) || graphics_->gui.inputQueued()) frames_since_event_ = 0;
     followAspect();
     openCameraFiles();
@@ -401,7 +402,7 @@ std::vector<std::pair<int, bool>> Viewer::handleEvents() {
   double_clicked_ = false;
   for (const Press& press : events.presses) {
     const bool soon = last_press_.time >= 0 && press.time - last_press_.time < kDoubleClick;
-    const bool second = soon && glm::distance(press.at, last_press_.at) < kStill;
+    const bool second = soon && glm::distance(press.at, last_press_.at) < kStill * state_.ui.scale;
     double_clicked_ = double_clicked_ || second;
     last_press_ = second ? Press{} : press;
   }
@@ -445,7 +446,7 @@ bool Viewer::handlePointer() {
   if (of_run) cancelDrag(state_);
   const PointerTaken taken = of_run ? PointerTaken{} : editInput(state_);
   if (!of_run) inspectClick();
-  if (!of_run && !taken.button && comparison_.dragDivider(state_.compare.how, pictureArea())) {
+  if (!of_run && !taken.button && comparison_.dragDivider(state_, pictureArea())) {
     frames_since_event_ = 0;
   } else if (!io.WantCaptureMouse) {
     // The way to where a button went down is no drag.
@@ -479,7 +480,8 @@ bool Viewer::handlePointer() {
 void Viewer::inspectClick() {
   const ImGuiIO& io = ImGui::GetIO();
   const bool inspects = io.KeyAlt || (state_.inspect.active && state_.edit.tool == EditTool::none);
-  if (io.WantCaptureMouse || io.MouseDragMaxDistanceSqr[0] > kStill * kStill) return;
+  const double still = kStill * state_.ui.scale;
+  if (io.WantCaptureMouse || double{io.MouseDragMaxDistanceSqr[0]} > still * still) return;
   if (inspects ? !ImGui::IsMouseReleased(0) : !double_clicked_ || hasButton(state_.edit)) return;
   glm::dvec2 at = glm::dvec2(io.MousePos.x, io.MousePos.y) *
                       glm::dvec2(io.DisplayFramebufferScale.x, io.DisplayFramebufferScale.y) -

@@ -205,3 +205,14 @@ TEST_CASE("another selection, and another model, end the drag of a handle withou
   CHECK_FALSE(left.preview);
   CHECK(left.selection);
 }
+
+TEST_CASE("the handles that the pointer meets are as large as the interface is") {
+  ViewerState state = sampleState();
+  state.ui.scale = 2;
+  setTool(state, EditTool::scale);
+  Hand hand;
+  (void)hand.go(state, Hand::middle(state) + glm::dvec2(160, 0), false);
+  CHECK(state.edit.hovered == Handle::view);
+  (void)hand.go(state, Hand::middle(state) + glm::dvec2(80, 0), false);
+  CHECK(state.edit.hovered == Handle::none);
+}

@@ -34,6 +34,24 @@ TEST_CASE("handles have one size on screen wherever they are, and none behind th
   CHECK_FALSE(gizmoAt(GizmoKind::move, {3, -2, -9}, kCamera));
 }
 
+TEST_CASE("handles are larger, and reached from farther, where the user wants things larger") {
+  const Gizmo usual = *gizmoAt(GizmoKind::move, {0.3, 0.2, -0.1}, kCamera);
+  const Gizmo large = *gizmoAt(GizmoKind::move, usual.origin, kCamera, 2);
+  CHECK(large.size == Approx(2 * usual.size));
+  const glm::dvec2 middle = pixelOf(usual.origin);
+  CHECK(handleAt(usual, kCamera, middle + glm::dvec2(15, 15)) != Handle::view);
+  CHECK(handleAt(large, kCamera, middle + glm::dvec2(15, 15)) == Handle::view);
+  for (const Gizmo& gizmo : {usual, large}) {
+    const glm::dvec2 tip = gizmoLines(gizmo, kCamera).front().points.back(), out = glm::normalize(tip - middle);
+    CHECK(handleAt(gizmo, kCamera, tip + 7 * gizmo.unit * out) == Handle::x);
+    CHECK(handleAt(gizmo, kCamera, tip + 9 * gizmo.unit * out) == Handle::none);
+  }
+  // From the middle of the scale's ring as much as an axis is long.
+  const Gizmo ring = *gizmoAt(GizmoKind::scale, usual.origin, kCamera, 2);
+  const Similarity s = dragged(ring, Handle::view, kCamera, middle, middle + glm::dvec2(160, 0));
+  CHECK(s.scale == Approx(std::exp(1.0)));
+}
+
 TEST_CASE("an arrow moves along its axis, and what it was dragged by stays under the pointer") {
   const Gizmo gizmo = *gizmoAt(GizmoKind::move, {0.3, 0.2, -0.1}, kCamera);
   for (int k = 0; k < 3; ++k) {
