@@ -25,8 +25,10 @@ void WindowSession::start(ViewerState& state) const {
   state.messages.error = loaded_.problem;
   state.display.settings = options_.settings;
   state.display.settings.crop.reset();  // set with the model
-  state.display.output = kept && !options_.show_given ? session.output : options_.show;
-  if (kept && !options_.textures_given) state.display.settings.textures = session.textures;
+  // A benchmark's figures are of what its command line asks for.
+  const bool as_left = kept && !options_.benchmark;
+  state.display.output = as_left && !options_.show_given ? session.output : options_.show;
+  if (as_left && !options_.textures_given) state.display.settings.textures = session.textures;
 }
 
 void WindowSession::adopt(ViewerState& state, Scene scene) {
@@ -53,8 +55,10 @@ void WindowSession::keep(const ViewerState& state, glm::ivec2 window) {
   session.panel_width = state.ui.panel_width;
   session.recent = state.recent;
   session.tab = state.ui.tab;
-  session.output = state.display.output;
-  session.textures = state.display.settings.textures;
+  if (!options_.benchmark) {
+    session.output = state.display.output;
+    session.textures = state.display.settings.textures;
+  }
   session.speed = state.camera.speed;
   session.fly = state.camera.fly;
   try {
