@@ -187,9 +187,7 @@ void changeSection(ViewerState& state) {
 
 void saveSection(ViewerState& state) {
   heading("SAVE");
-  ImGui::BeginDisabled(!state.scene.model);
   if (segment("Save the model as", false, 0, 1)) state.desktop.wanted = FileUse::saveModel;
-  ImGui::EndDisabled();
   hint("Ctrl+S");
   if (state.desktop.saving) {
     ImGui::TextDisabled("saving ...");

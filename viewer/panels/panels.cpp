@@ -100,10 +100,12 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
       inspectSection(state);
       break;
     case Tab::edit:
+      ImGui::BeginDisabled(!isWhole(state.scene));
       selectSection(state);
       valueSection(state);
       changeSection(state);
       saveSection(state);
+      ImGui::EndDisabled();
       break;
     case Tab::time:
       timeSection(state, statistics);

@@ -322,6 +322,10 @@ bool canRun(const ViewerState& state, const KeyBinding& binding) {
   if (is(closeDocument)) return !state.documents.open.empty();
   if (is(ask<FileUse::open>, askToQuit, saveWindow, togglePanel, toggleFullscreen, toggleHelp, escape)) return true;
   if (!state.scene.model) return false;
+  const bool edits = is(chooseAll, chooseNone, invertChoice, deleteChosen, tool<EditTool::rectangle>,
+                        tool<EditTool::brush>, tool<EditTool::sphere>, tool<EditTool::move>, tool<EditTool::turn>,
+                        tool<EditTool::scale>, ask<FileUse::saveModel>);
+  if (edits && !isWhole(state.scene)) return false;
   if (is(deleteChosen, chooseNone)) return state.edit.selection != nullptr;
   if (is(cycleCompare, showOther)) return hasOther(state);
   if (is(toHit<1>, toHit<-1>)) return !state.inspect.hits.empty();

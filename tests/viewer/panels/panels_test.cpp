@@ -305,6 +305,29 @@ TEST_CASE("a drag over all of the histogram, to either end, selects every Gaussi
   }
 }
 
+TEST_CASE("a part of a model leaves the page of edits grey") {
+  ViewerState state = fullState();
+  state.ui.tab = Tab::edit;
+  const auto live = [](const ViewerState& shown) {
+    int count = 0;
+    for (const auto& [id, place] : widgets(shown)) {
+      ViewerState pressed = shown;
+      const Interface interface;
+      for (int i = 0; i < 3; ++i) (void)interface.hovered(pressed, {-1, -1});
+      (void)interface.hovered(pressed, place);
+      (void)interface.hovered(pressed, place, true);
+      count += interface.active() == id;
+    }
+    return count;
+  };
+  const int whole = live(state);
+  for (const bool levels : {false, true}) {
+    ViewerState part = state;
+    levels ? void(part.scene.streamed_from = 1000) : void(part.scene.partial = true);
+    CHECK(live(part) <= whole - 15);
+  }
+}
+
 TEST_CASE("a notice that is longer than the window is wide stays inside") {
   ViewerState state = bareState();
   const Interface interface;

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <iterator>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "support/catch.h"
@@ -52,6 +55,28 @@ TEST_CASE("actions that have nothing to act on cannot run, and can once they hav
   state.scene.cameras.front().test = true;
   CHECK(can("Next test camera"));
   CHECK(none({"Next training camera"}));
+}
+
+TEST_CASE("a part of a model and a scene with levels are neither edited nor saved by the menus") {
+  ViewerState state = sampleState();
+  chooseAll(state);
+  const auto offered = [&] {
+    std::set<std::string_view> texts;
+    for (const KeyBinding& binding : keyBindings()) {
+      if (*binding.text && canRun(state, binding)) texts.insert(binding.text);
+    }
+    return texts;
+  };
+  const std::set<std::string_view> whole = offered();
+  const bool partial = GENERATE(false, true);
+  partial ? void(state.scene.partial = true) : void(state.scene.streamed_from = 1000);
+  const std::set<std::string_view> now = offered();
+  std::set<std::string_view> missing;
+  std::ranges::set_difference(whole, now, std::inserter(missing, missing.end()));
+  CHECK(missing == std::set<std::string_view>{"Save the model as", "Select all Gaussians", "Select none",
+                                              "Select the others", "Select by a rectangle", "Select by a brush",
+                                              "Select by a sphere", "Move the selection", "Turn the selection",
+                                              "Scale the selection", "Delete the selection"});
 }
 
 TEST_CASE("without a model the menus offer what opens one, what shows the window, and the keys") {
