@@ -349,7 +349,8 @@ int train(const TrainFlags& options, Processes* together) {
                                                               : options.dataset + ": expected " + output);
     }
     if (options.data.layout == "auto" && isForPhotos(options.dataset)) {
-      if (const std::string near = datasetNear(options.dataset); !near.empty()) {
+      const std::string near = isFile(options.dataset) ? "" : datasetNear(options.dataset);
+      if (!near.empty()) {
         throw Error(ErrorKind::badData, options.dataset, "not a data set" + near);
       }
       throw Error(ErrorKind::badData, options.dataset,

@@ -18,7 +18,7 @@ struct StreamLimits {
   std::uint64_t most_read = 0;                          // [bytes]
   int read_seconds = 0, write_seconds = 0;              // from the beginning of the stream
   int read_stall_seconds = 0, write_stall_seconds = 0;  // without a byte
-  std::uint64_t most_first_line = std::numeric_limits<std::uint64_t>::max();  // [bytes]
+  std::uint64_t most_line = std::numeric_limits<std::uint64_t>::max();  // [bytes] of a head
 };
 
 // A request and its answer on a connection that stays open. `stopped` is asked ten times a second.
@@ -48,11 +48,7 @@ class BoundedStream : public httplib::Stream {
     const std::size_t some = std::min(size, filled_ - at_);
     std::copy_n(buffer_ + at_, some, out);
     at_ += some;
-    if (in_first_line_) {
-      first_line_ += some;
-      in_first_line_ = std::find(out, out + some, '\n') == out + some;
-      if (in_first_line_ && first_line_ > limits_.most_first_line) return -1;
-    }
+    if (!endsLines(out, static_cast<std::size_t>(some))) return -1;
     return static_cast<ssize_t>(some);
   }
 
@@ -63,6 +59,23 @@ class BoundedStream : public httplib::Stream {
 
  private:
   using Clock = std::chrono::steady_clock;
+
+  // Whether lines of heads are short enough: a head ends with an empty one, and another follows one of status 1xx.
+  bool endsLines(const char* bytes, std::size_t size) {
+    constexpr std::uint64_t kStatusAt = 9;  // behind "HTTP/1.1 "
+    for (std::size_t i = 0; in_head_ && i < size; ++i) {
+      if (bytes[i] != '\n') {
+        if (first_line_ && line_ == kStatusAt) status_ = bytes[i];
+        if (++line_ > limits_.most_line) return false;
+        continue;
+      }
+      const bool empty = line_ <= 1;
+      if (empty && !first_line_) in_head_ = status_ == '1';
+      first_line_ = empty;
+      line_ = 0;
+    }
+    return true;
+  }
 
   // In pieces, so that the end of the program is not held up.
   bool ready(short events, int seconds, int stall_seconds) const {
@@ -84,8 +97,9 @@ class BoundedStream : public httplib::Stream {
   char buffer_[1 << 14];
   std::uint64_t read_ = 0;
   std::size_t at_ = 0, filled_ = 0;
-  std::uint64_t first_line_ = 0;  // [bytes] so far
-  bool in_first_line_ = true;
+  bool in_head_ = true, first_line_ = true;
+  char status_ = 0;         // the first digit
+  std::uint64_t line_ = 0;  // [bytes] so far
 };
 
 }  // namespace tg

@@ -287,7 +287,8 @@ class PageServer::Pages {
     const Shown now = shown();
     if (request.path == "/model.glb" && now.model) {
       return {.type = "model/gltf-binary", .text = "", .bytes = now.model, .sent = [this, number = now.model_number] {
-                model_seen_ = number;
+                const std::lock_guard lock(mutex_);  // a slower page may have an older one later
+                model_seen_ = std::max(model_seen_.load(), number);
               }};
     }
     if (request.path == "/photograph.png" && now.photograph) {

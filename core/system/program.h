@@ -46,7 +46,7 @@ CLI::Validator within(T low, T high) {
     T value{};
     // CLI11 takes 010 for 8 and 0x10 for 16, which other numbers here are not.
     if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high &&
-        (!kWhole || parseWhole<T>(text) == value)) {
+        (!kWhole || parseWhole<T>(text.substr(text[0] == '+' ? 1 : 0)) == value)) {
       return std::string();
     }
     return std::string(kWhole ? "expected an integer" : "expected a number") + " from " + from + " to " + to +

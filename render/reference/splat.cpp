@@ -75,7 +75,7 @@ Splat makeSplat(const Scene& scene, const RenderSettings& settings, std::uint32_
   s.rotation = rotationMatrix(model.rotation[i]);
   s.scale = glm::exp(model.log_scale[i]);
   s.scale = glm::max(s.scale, kThinnest * std::max({s.scale.x, s.scale.y, s.scale.z}));
-  const LocalAxes axes = localAxes(s.scale);
+  const LocalAxes axes = localAxes(model.log_scale[i]);
   s.a = axes.a;
   s.b = axes.b;
   s.c = axes.c;

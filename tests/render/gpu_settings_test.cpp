@@ -190,15 +190,18 @@ TEST_CASE("ellipsoids have their light however thin they are") {
 TEST_CASE("hits of one depth keep the order of their Gaussians, in either order") {
   TestScene scene = thinDiscScene(0.1f, false);
   GaussianModel& model = scene.model;
-  for (int i = 1; i < 4; ++i) {  // more than are kept open at a pixel's front
-    model.mean.push_back(model.mean[0]);
+  const int count = GENERATE(12, 24);  // kept open at a pixel's front all, and more than are
+  const bool overtakes = count == 12;  // the last one, sorted last and tilted: before the others on one side
+  for (int i = 1; i < count; ++i) {
+    model.mean.push_back(model.mean[0] + glm::vec3(0, 0, overtakes && i + 1 == count ? 0.1f : 0.0f));
     model.rotation.push_back(model.rotation[0]);
     model.log_scale.push_back(model.log_scale[0]);
-    model.opacity_logit.push_back(model.opacity_logit[0]);
+    model.opacity_logit.push_back(-1.0f);
   }
+  if (overtakes) model.rotation.back() = {0.9f, 0.3f, 0.0f, 0.0f};
+  model.opacity_logit[0] = -1.0f;
   model.sh.clear();
-  for (int i = 0; i < 4; ++i) model.sh.push_back(glm::vec3(i == 0, i == 1, i == 2));
-  model.atlas.rects.assign(model.atlas.rects.empty() ? 0 : 4, TextureRect{});
+  for (int i = 0; i < count; ++i) model.sh.push_back(glm::vec3(i % 4 == 0, i % 4 == 1, i % 4 == 2));
   RenderSettings settings;
   settings.order = GENERATE(SplatOrder::global, SplatOrder::perPixel);
   const FrameT<double> truth = renderTruth(scene, settings);
@@ -206,8 +209,8 @@ TEST_CASE("hits of one depth keep the order of their Gaussians, in either order"
   const Frame frame = renderScene(scene, settings);
   std::vector<glm::dvec3> colors(truth.base.size());
   for (std::size_t i = 0; i < colors.size(); ++i) colors[i] = truth.color(i);
-  INFO(name(settings.order));
-  CHECK(wrongShare(frame.picture, colors) == 0.0);
+  INFO(name(settings.order) << ", " << count);
+  CHECK(wrongShare(frame.picture, colors) <= 1e-2);
 }
 
 TEST_CASE("a frame holds the picture alone when nothing else is asked for, and it is the same picture") {

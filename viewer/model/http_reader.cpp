@@ -17,7 +17,7 @@ namespace tg {
 namespace {
 
 constexpr std::uint64_t kHeaderBytes = 64 << 10;  // of an answer, at most
-constexpr std::uint64_t kStatusLineBytes = 8 << 10;  // the library matches it by recursion, a level a byte
+constexpr std::uint64_t kLineBytes = 8 << 10;     // of it; the library matches the first by recursion, a level a byte
 constexpr std::string_view kScheme = "http://";
 
 [[noreturn]] void refuse(const std::string& address, const std::string& found) {
@@ -58,7 +58,7 @@ class HttpReader::Client : public httplib::ClientImpl {
                               .write_seconds = kFetchSeconds,
                               .read_stall_seconds = kFetchStallSeconds,
                               .write_stall_seconds = kFetchStallSeconds,
-                              .most_first_line = kStatusLineBytes};
+                              .most_line = kLineBytes};
     BoundedStream stream(socket.sock, limits, [this] { return stop.stop_requested(); });
     return callback(stream);
   }

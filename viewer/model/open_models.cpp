@@ -22,12 +22,26 @@ std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state) {
   const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
     return lowerExtension(path) != ".json" || isLodMeta(path);
   });
-  const bool with_models = first != requests.begin();
+  const std::vector<std::filesystem::path> models(requests.begin(), first);
   std::vector<std::filesystem::path> due;
-  if (!with_models && !state.loading.active) due = std::exchange(state.documents.camera_files, {});
-  std::vector<std::filesystem::path>& files = with_models ? state.documents.camera_files : due;
-  files.insert(files.end(), first, requests.end());
+  for (auto file = first; file != requests.end(); ++file) {
+    // A path is no model's; a file that cannot be read says so when it is opened.
+    std::error_code unreadable;
+    const bool waits = !models.empty() && std::filesystem::exists(*file, unreadable) && !isPathFile(*file);
+    if (waits) state.documents.camera_files.push_back({*file, models});
+    if (!waits) due.push_back(*file);
+  }
   requests.erase(first, requests.end());
+  std::erase_if(state.documents.camera_files, [&](const CamerasOfModels& cameras) {
+    const auto any = [&](const auto& matches) { return std::ranges::any_of(cameras.models, matches); };
+    const bool shown = !state.scene.partial && any([&](const auto& model) {
+      const int document = documentOf(state, model);
+      return document >= 0 && document == state.documents.shown;
+    });
+    if (shown) due.push_back(cameras.file);
+    const bool comes = !models.empty() || state.loading.active;
+    return shown || (!comes && !any([&](const auto& model) { return documentOf(state, model) >= 0; }));
+  });
   return due;
 }
 
@@ -210,7 +224,6 @@ void OpenModels::takeFailure(ViewerState& state, const std::string& problem, int
   }
   state.messages.error = problem;
   state.messages.notice_until = 0;
-  state.documents.camera_files.clear();  // they were for it
 }
 
 bool OpenModels::takeStreamed(ViewerState& state) {

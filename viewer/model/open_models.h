@@ -18,7 +18,7 @@
 namespace tg {
 
 // What of the requests is no model but a camera path, or cameras for the one shown. Once a frame, before update():
-// those that came together with models wait for them.
+// cameras that came together with models wait until one of these is shown, and are nobody's where none comes.
 std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state);
 
 class OpenModels {

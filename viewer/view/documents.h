@@ -30,12 +30,18 @@ struct Document {
   std::string kept_bookmarks;  // as DesktopState has it
 };
 
+// Cameras that were asked for together with models, for the first of these that is shown.
+struct CamerasOfModels {
+  std::filesystem::path file;
+  std::vector<std::filesystem::path> models;
+};
+
 struct DocumentState {
   std::vector<Document> open;  // in order of opening
   int shown = -1;              // of `open`; -1: none
   // What the window does next; panels, keys and scripts write here.
   std::vector<std::filesystem::path> open_requests;
-  std::vector<std::filesystem::path> camera_files;  // asked for together with models, and opened when these are shown
+  std::vector<CamerasOfModels> camera_files;
   std::optional<int> show_request, close_request;  // of `open`
 };
 

@@ -166,7 +166,7 @@ export class TexturedGaussiansElement extends HTMLElement {
     try {
       if (this.model !== model) {
         await this.viewer.open(model).catch((error) => {
-          this.refused = {model, error};
+          if (!error.isLoss) this.refused = {model, error};  // a device may come back
           throw error;
         });
         this.apply(SETTINGS);

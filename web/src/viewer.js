@@ -59,6 +59,7 @@ export class Viewer {
 
   // Those that wait for a picture are told why none comes, else whoever listens.
   fail(error) {
+    this.toFly = false;
     if (this.waiting.length === 0) this.onError(error);
     for (const {reject} of this.waiting.splice(0)) reject(error);
   }
@@ -112,7 +113,10 @@ export class Viewer {
     ++this.uploads;
     try {
       for (let tries = 0; !next && opening === this.openings; ++tries) {
-        if (tries === MOST_UPLOADS) throw new Error('The graphics device is lost whenever the model is put onto it.');
+        if (tries === MOST_UPLOADS) {
+          const words = 'The graphics device is lost whenever the model is put onto it.';
+          throw Object.assign(new Error(words), {isLoss: true});
+        }
         next = await this.upload(model);
       }
     } catch (error) {

@@ -126,9 +126,12 @@ TEST_CASE("an answer over HTTP that does not end, in its headers or its body, is
 }
 
 TEST_CASE("an answer over HTTP whose first line goes on is no answer") {
-  const RawServer server("HTTP/1.1 200 ", std::string(4000, 'A'), 100, true);
-  HttpReader reader(server.address());
-  CHECK_THROWS_AS(reader.read("", std::uint64_t{64} << 20, {}), tg::Error);
+  for (const std::string before : {"", "HTTP/1.1 100 Continue\r\n\r\n"}) {
+    INFO(before);
+    const RawServer server(before + "HTTP/1.1 200 ", std::string(4000, 'A'), 100, true);
+    HttpReader reader(server.address());
+    CHECK_THROWS_AS(reader.read("", std::uint64_t{64} << 20, {}), tg::Error);
+  }
 }
 
 TEST_CASE("a fetch from a server that says nothing ends as soon as it is told to stop") {

@@ -588,7 +588,9 @@ TEST_CASE("cameras that are dropped together with a model are the new model's, n
   writeModel(folder / "a.tgz", 3, {});
   writeModel(folder / "b.tgz", 4, {});
   std::ofstream(folder / "broken.tgz") << "nothing";
-  const std::filesystem::path cameras = folder / "cameras.json";
+  const std::filesystem::path cameras = folder / "cameras.json", path = folder / "path.json";
+  std::ofstream(cameras) << "[]";
+  std::ofstream(path) << "{}";
   using Files = std::vector<std::filesystem::path>;
   Window window(optionsFor(folder / "a.tgz"));
   window.settle();
@@ -606,12 +608,28 @@ TEST_CASE("cameras that are dropped together with a model are the new model's, n
   CHECK(state.scene.gaussians == 4);
   CHECK(takeCameraFiles(state) == Files{cameras});
   CHECK(takeCameraFiles(state).empty());
+  // Another one's failure takes them away from nobody, nor do they go to a model that is shown before; a path is
+  // none's.
+  writeModel(folder / "c.tgz", 5, {});
+  requests = {folder / "broken.tgz"};
+  window.open_models.update(state);
+  requests = {folder / "c.tgz", cameras, path};
+  CHECK(takeCameraFiles(state) == Files{path});
+  window.settle();
+  CHECK(state.scene.gaussians == 5);
+  state.documents.show_request = 0;
+  window.settle();
+  CHECK(takeCameraFiles(state).empty());
+  state.documents.show_request = 2;
+  window.settle();
+  CHECK(takeCameraFiles(state) == Files{cameras});
   // Where that model does not come they are nobody's.
   requests = {folder / "broken.tgz", cameras};
   CHECK(takeCameraFiles(state).empty());
   window.settle();
   CHECK_THAT(state.messages.error, Contains("broken.tgz"));
   CHECK(takeCameraFiles(state).empty());
+  CHECK(state.documents.camera_files.empty());
 }
 
 TEST_CASE("what cannot be read is an error at the start, and a message later") {
