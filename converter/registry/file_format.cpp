@@ -38,6 +38,10 @@ namespace {
 
 using Path = std::filesystem::path;
 
+// Deflated, and without flags that are none: a .splat may begin with two such bytes.
+bool isGzip(const FileStart& start) {
+  return start.begins("\x1f\x8b\x08") && start.bytes.size() > 3 && (start.bytes[3] & 0xE0) == 0;
+}
 bool isSpz(const FileStart& start) { return start.begins("NGSP") || start.inside_gzip == "NGSP"; }
 bool isPly(const FileStart& start) { return start.begins("ply\n") || start.begins("ply\r"); }
 bool isPacked(const FileStart& start) { return start.holds("packed_position"); }
@@ -237,7 +241,7 @@ constexpr Format kFormats[] = {
      .spoken = "tgz",
      .title = "a bundle",
      .keeps = kKeepsAll - kKeepsViews,
-     .sniff = [](const FileStart& start) { return start.begins("\x1f\x8b") && !isSpz(start); },
+     .sniff = [](const FileStart& start) { return isGzip(start) && !isSpz(start); },
      .read = [](const Path& path, const ReadOptions& options) { return readBundle(path, {}, options.progress); },
      .write = [](const Path& path, const Bundle& source, const WriteOptions&, Written&) { writeBundle(path, source); },
      .is_common = true},
@@ -345,7 +349,7 @@ std::string peekInsideGzip(const std::string& start) {
 }
 
 FileStart readStart(const Path& path) {
-  constexpr std::size_t kSniffBytes = 4096;  // holds the header of every compressed PLY
+  constexpr std::size_t kSniffBytes = 1 << 16;  // the header of a compressed PLY, with comments
   std::error_code status;
   const std::filesystem::file_type type = std::filesystem::status(path, status).type();
   if (type == std::filesystem::file_type::not_found) {
@@ -365,7 +369,7 @@ FileStart readStart(const Path& path) {
   file.read(start.bytes.data(), static_cast<std::streamsize>(start.bytes.size()));
   if (file.bad()) throw Error(ErrorKind::cannotRead, path.string(), "cannot be read");
   start.bytes.resize(static_cast<std::size_t>(file.gcount()));
-  if (start.begins("\x1f\x8b")) start.inside_gzip = peekInsideGzip(start.bytes);
+  if (isGzip(start)) start.inside_gzip = peekInsideGzip(start.bytes);
   return start;
 }
 

@@ -67,7 +67,7 @@ class SogReader {
     const std::string name = node.at("files").element(index).string();
     if (name.size() > kMaxName) node.fail("a file's name is too long" + atMost(kMaxName, name.size()));
     const std::string where = path_ + ": " + name;
-    BytePixels pixels = decodeWebp(files_(name, kMaxFileBytes), where);
+    BytePixels pixels = decodeWebp(files_(name, kMaxFileBytes), where, least);
     if (pixels.size() < least) {
       throw Error(ErrorKind::badData, where,
                   "too few pixels (expected at least " + std::to_string(least) + ", found " +

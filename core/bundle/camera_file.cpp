@@ -14,10 +14,20 @@
 namespace tg {
 namespace {
 
-constexpr std::int64_t kMaxImageSide = 65536;
+constexpr std::int64_t kMaxImageSide = 1 << 20;  // [px] as of a data set's photographs
 // Files carry rotations rounded to 6 or 7 digits; anything worse is no rotation.
 constexpr double kRotationTolerance = 1e-3;
 constexpr double kRoundedRotation = 1e-5;
+
+// The largest difference of a rotation's product with its transpose from the identity.
+double skewOf(const glm::dmat3& rotation) {
+  const glm::dmat3 gram = glm::transpose(rotation) * rotation;
+  double skew = 0.0;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) skew = std::max(skew, std::abs(gram[r][c] - (r == c ? 1.0 : 0.0)));
+  }
+  return skew;
+}
 
 // glm stores columns, and camera_from_world[column r] is row r of its transpose, world_from_camera: what the file
 // holds.
@@ -29,20 +39,17 @@ glm::dmat3 parseRotation(const JsonNode& camera) {
     if (!row.is_array() || row.size() != 3) camera.fail("\"rotation\": expected 3 rows of 3 numbers");
     for (int c = 0; c < 3; ++c) camera_from_world[r][c] = camera.finite(row[static_cast<std::size_t>(c)], "rotation");
   }
-  const glm::dmat3 gram = glm::transpose(camera_from_world) * camera_from_world;
-  double error = 0.0;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) error = std::max(error, std::abs(gram[r][c] - (r == c ? 1.0 : 0.0)));
-  }
-  if (!(error <= kRotationTolerance)) camera.fail("\"rotation\": rows are not orthonormal");
+  if (!(skewOf(camera_from_world) <= kRotationTolerance)) camera.fail("\"rotation\": rows are not orthonormal");
   if (glm::determinant(camera_from_world) < 0.0) camera.fail("\"rotation\": is a reflection (determinant -1)");
-  // Of three digits, the transpose is no inverse: eye and depths would disagree. Of more, the numbers stay the file's.
-  if (error > kRoundedRotation) {
-    const glm::dvec3 x = glm::normalize(camera_from_world[0]);
-    const glm::dvec3 y = glm::normalize(camera_from_world[1] - glm::dot(camera_from_world[1], x) * x);
-    return {x, y, glm::cross(x, y)};
-  }
   return camera_from_world;
+}
+
+// Of three digits, the transpose is no inverse: eye and depths would disagree. Of more, the numbers stay the file's.
+glm::dmat3 orthonormal(const glm::dmat3& camera_from_world) {
+  if (skewOf(camera_from_world) <= kRoundedRotation) return camera_from_world;
+  const glm::dvec3 x = glm::normalize(camera_from_world[0]);
+  const glm::dvec3 y = glm::normalize(camera_from_world[1] - glm::dot(camera_from_world[1], x) * x);
+  return {x, y, glm::cross(x, y)};
 }
 
 glm::dvec3 parseVector(const JsonNode& camera, const char* key) {
@@ -58,14 +65,15 @@ Camera parseCamera(const JsonNode& json) {
   if (camera.focal.x <= 0.0 || camera.focal.y <= 0.0) json.fail("\"fx\", \"fy\": expected focal lengths above 0");
   camera.center.x = json.has("cx") ? json.number("cx") : 0.5 * camera.size.x;
   camera.center.y = json.has("cy") ? json.number("cy") : 0.5 * camera.size.y;
-  camera.rotation = parseRotation(json);
+  const glm::dmat3 stored = parseRotation(json);
+  camera.rotation = orthonormal(stored);
   const glm::dvec3 position = parseVector(json, "position");
   camera.translation = -camera.rotation * position;
   if (json.has("translation")) {
     // The exact value; the position is its rounded image and must not have been edited alone.
     const glm::dvec3 exact = parseVector(json, "translation");
     const double tolerance = 1e-3 * (1.0 + glm::length(exact));
-    if (!(glm::length(exact - camera.translation) <= tolerance)) json.fail("\"translation\" and \"position\" disagree");
+    if (!(glm::length(exact + stored * position) <= tolerance)) json.fail("\"translation\" and \"position\" disagree");
     camera.translation = exact;
   }
   if (json.has("split")) {

@@ -67,7 +67,7 @@ int pageSize(const TextureAtlas& atlas) {
   return large ? kMaxAtlasPageSide : 2048;
 }
 
-void addAtlas(const GaussianModel& model, Manifest& manifest, std::vector<Entry>& entries) {
+void addAtlas(const GaussianModel& model, const std::string& path, Manifest& manifest, std::vector<Entry>& entries) {
   if (model.atlas.rects.empty()) return;
   const PackedAtlas packed = packAtlas(model.atlas, model.size(), pageSize(model.atlas));
   std::vector<std::uint16_t> rects;
@@ -85,6 +85,11 @@ void addAtlas(const GaussianModel& model, Manifest& manifest, std::vector<Entry>
   if (packed.pages.empty()) return;
   manifest.atlas_width = packed.pages[0].width;
   manifest.atlas_height = packed.pages[0].height;
+  const std::uint64_t texels = std::uint64_t{packed.pages.size()} * static_cast<std::uint64_t>(manifest.atlas_width) *
+                               static_cast<std::uint64_t>(manifest.atlas_height);
+  if (const std::uint64_t most = BundleLimits().max_texels; texels > most) {
+    throw Error(ErrorKind::cannotWrite, path, "the atlas pages are too large for a bundle" + atMost(most, texels));
+  }
   const std::size_t first = entries.size();
   for (int page = 0; page < manifest.atlas_pages; ++page) entries.push_back({atlasPageName(page), {}, nullptr});
   parallelFor(manifest.atlas_pages, 1, [&](std::int64_t page) {
@@ -107,7 +112,7 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
   std::vector<Entry> entries = {{kManifestName, {}, nullptr}};
   const std::string header = splatHeader(bundle.model.size(), bundle.model.sh_degree);
   entries.push_back({kGaussiansName, toBytes(header), &bundle.model});
-  addAtlas(bundle.model, manifest, entries);
+  addAtlas(bundle.model, path, manifest, entries);
   if (!bundle.cameras.empty()) entries.push_back({kCamerasName, toBytes(formatCameras(bundle.cameras)), nullptr});
   if (!bundle.training_json.empty()) entries.push_back({kTrainingName, toBytes(bundle.training_json), nullptr});
   if (bundle.preview.width > 0) entries.push_back({kPreviewName, encodePng(bundle.preview), nullptr});
@@ -123,6 +128,15 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
                 entry.name + " is too large for a bundle" +
                     (bytes > most ? atMost(most, bytes) : atMost(limits.total_bytes, total)));
   }
+  // What this program would refuse to read it does not write.
+  const auto cameras = std::ranges::find(entries, kCamerasName, &Entry::name);
+  if (cameras != entries.end()) {
+    try {
+      parseCameras(std::string(cameras->bytes.begin(), cameras->bytes.end()), kCamerasName);
+    } catch (const Error& error) {
+      throw Error(ErrorKind::cannotWrite, path, error.what());
+    }
+  }
   manifest.files.resize(entries.size() - 1);
   parallelFor(static_cast<std::int64_t>(manifest.files.size()), 1, [&](std::int64_t i) {
     const Entry& entry = entries[static_cast<std::size_t>(i) + 1];
@@ -131,7 +145,7 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
     manifest.files[static_cast<std::size_t>(i)] = {entry.name, sizeOf(entry), digest.hex()};
   });
   const std::string json = formatManifest(manifest);
-  parseManifest(json, path);  // what this program would refuse to read it does not write
+  parseManifest(json, path);
   entries[0].bytes = toBytes(json);
   return entries;
 }

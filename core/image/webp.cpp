@@ -16,7 +16,8 @@
 namespace tg {
 namespace {
 
-// [bytes of pixels in a byte of file]. Pictures of one colour reach 95,000: beyond 16 Mi pixels they are refused.
+// [bytes of pixels in a byte of file]. Pictures of one colour reach 95,000: beyond 16 Mi pixels
+// they are refused where nobody expects as many.
 constexpr std::int64_t kMaxRatio = 4000;
 constexpr int kEffort =
     6;  // of 0 to 9: 9 takes 70 times as long for 0.06 % of lego with textures (docs/lab/converter.md)
@@ -33,9 +34,11 @@ WebpHeader readWebpHeader(std::span<const std::uint8_t> bytes, const std::string
   return {features.width, features.height, features.format == lossless};
 }
 
-BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path) {
+BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path, std::size_t expected) {
   const WebpHeader header = readWebpHeader(bytes, path);
-  checkImageSize(header.width, header.height, 4, bytes.size(), kMaxRatio, path);
+  const bool is_expected =
+      static_cast<std::size_t>(header.width) * static_cast<std::size_t>(header.height) / 2 < expected;
+  if (!is_expected) checkImageSize(header.width, header.height, 4, bytes.size(), kMaxRatio, path);
   BytePixels pixels(header.width, header.height);
   if (!WebPDecodeRGBAInto(bytes.data(), bytes.size(), pixels.data.data(), pixels.data.size(), 4 * pixels.width)) {
     throw Error(ErrorKind::badData, path, "broken WebP file");

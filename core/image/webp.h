@@ -28,8 +28,9 @@ struct WebpHeader {
 // Reads the header alone: what a decoder would allocate by. Throws Error(badData): no WebP, an animation.
 WebpHeader readWebpHeader(std::span<const std::uint8_t> bytes, const std::string& path);
 
-// Lossy files are decoded, too. Throws Error(badData): no WebP, an animation, a size that its bytes cannot hold.
-BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path);
+// Lossy files are decoded, too. `expected`: pixels that the caller has room for, of which one colour takes hardly a
+// byte. Throws Error(badData): no WebP, an animation, a size that its bytes cannot hold.
+BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path, std::size_t expected = 0);
 // Same pixels in, same bytes out. Sides of 1 to kMaxWebpSide.
 std::vector<std::uint8_t> encodeWebp(const BytePixels& pixels);
 

@@ -36,6 +36,11 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
   REQUIRE(detectFormat(scratch.write("b.ksplat", std::string(32, '\1'))).name == "ksplat");
   REQUIRE(detectFormat(scratch.write("b.glb", "PK\3\4")).name == "sog");
   REQUIRE(detectFormat(scratch.write("a.txt", std::string("\x1f\x8b\x08\0", 4))).name == "tgz");
+  REQUIRE(detectFormat(scratch.write("e.splat", "\x1f\x8b\x80\x3f" + std::string(28, '\1'))).name == "splat");
+  std::string comments;
+  for (int i = 0; i < 200; ++i) comments += "comment " + std::string(80, 'c') + "\n";
+  REQUIRE(detectFormat(scratch.write("c.ply", "ply\n" + comments + "property uint packed_position\n")).name ==
+          "compressed.ply");
 }
 
 TEST_CASE("a name's case says nothing of its format") {

@@ -50,6 +50,8 @@ TEST_CASE("blocks survive their file, and a point lies in one of them", "[blocks
   CHECK(block->layout == "colmap");
   CHECK(block->views == std::vector<std::string>{"images/a.jpg", "images/b.jpg"});
   CHECK(block->block.cell.high.x == 0.1);
+  CHECK_THROWS_WITH(tg::writeBlock(folder.path, {blocks[0], "../scene", "colmap", {"images/caf\xe9.jpg"}}),
+                    Contains("is no UTF-8"));
 }
 
 TEST_CASE("what is no scene in blocks is named", "[blocks]") {

@@ -154,6 +154,7 @@ TEST_CASE("cameras that no reader would take are not written") {
   bundle.cameras[0].name = "far";
   CHECK_THROWS_WITH(tg::writeBundle(folder / "a.tgz", bundle), Contains("camera \"far\" lies beyond"));
   bundle.cameras[0].translation = glm::dvec3(1.0 / 3);
+  CHECK_THROWS_WITH(tg::writeBundle(folder / "a.tgz", bundle), Contains("cameras.json: camera 0: \"width\": expected"));
   bundle.cameras.resize(150000, bundle.cameras[0]);
   CHECK_THROWS_WITH(tg::writeBundle(folder / "a.tgz", bundle), Contains("cameras.json is too large for a bundle"));
   CHECK(std::filesystem::is_empty(folder.path));
