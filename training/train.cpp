@@ -169,7 +169,8 @@ void planQuantizing(const TrainFlags& options, const GaussianModel* start, Train
   if (!coarse || settings.compare_untextured || given(options, settings, says)) return;
   const bool textured = settings.texture_mode != TextureMode::none;
   const int plain = start && isTextured(*start) ? 0 : settings.iterations;
-  settings.quantize_iterations = (plain + (textured ? settings.texture_iterations : 0)) / kQuantizedShare;
+  const int others = plain + (textured ? settings.texture_iterations : 0);
+  if (others > 0) settings.quantize_iterations = std::max(others / kQuantizedShare, kLeastQuantizeIterations);
 }
 
 std::unique_ptr<RunFolder> openRunFolder(const TrainFlags& options) {

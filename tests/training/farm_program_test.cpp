@@ -175,6 +175,24 @@ TEST_CASE("a job that another worker took over does not fail because its run is 
   worker.end();
 }
 
+TEST_CASE("a job that killed its workers is tried once more where failed.json is removed", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "6", 1, "60");
+  const std::string worker = "farm jobs.jsonl --heartbeat 0.05 --stale 0.4 --threads 1 --takeovers 1 --out farm";
+  REQUIRE(tgtrain(folder, worker + " --prepare").code == 0);
+  const fs::path job = folder / "farm/jobs/job0";
+  for (const char* attempt : {"0001", "0002"}) fs::create_directories(job / attempt);  // nobody ended them
+  const Outcome given_up = tgtrain(folder, worker);
+  CHECK(given_up.code != 0);
+  CHECK_THAT(given_up.output, Contains("job0: given up: 2 workers died at it"));
+  REQUIRE(fs::remove(job / "failed.json"));
+  const Outcome again = tgtrain(folder, worker);
+  INFO(again.output);
+  CHECK(again.code == 0);
+  CHECK(fs::exists(folder / "farm/results/job0"));
+}
+
 TEST_CASE("a farm's folder that is another's, gone or full is one line and the right code", "[farm]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

@@ -22,10 +22,7 @@
 namespace tg {
 namespace {
 
-std::uint8_t quantize(float value) {
-  const float v = value > 0.0f ? std::min(value, 1.0f) : 0.0f;  // NaN becomes 0
-  return static_cast<std::uint8_t>(v * 255.0f + 0.5f);
-}
+std::uint8_t quantize(float value) { return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f); }
 
 std::string sizeText(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
@@ -119,6 +116,8 @@ bool hidesAll(const std::vector<std::uint8_t>& mask) {
 // With its mask, whatever that hides.
 Photograph decode(const PhotographSource& source) {
   Image image = readImage(source.image);
+  // Of an EXR, before anything mixes pixels: one that is no number would spread.
+  for (float& value : image.data) value = value > 0.0f ? std::min(value, 1.0f) : 0.0f;
   Photograph photograph;
   photograph.file_width = image.width;
   photograph.file_height = image.height;

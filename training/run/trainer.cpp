@@ -45,7 +45,7 @@ Random stream(std::uint64_t seed, Stream which) {
 // those whose rounding the others make up for best. Opacities are stored times what texels let through, so both
 // together; DC is last, and rounded by the file alone.
 enum class Quantized { mean, rotation, logScale, texelsAndOpacity, shRest };
-constexpr int kQuantizedPhases = 5;
+constexpr int kQuantizedPhases = kLeastQuantizeIterations;
 
 constexpr int kSharedFrom = 4;  // a quarter of stage 2 (docs/lab/quality.md, "Textures that Gaussians share")
 
@@ -395,16 +395,17 @@ void Trainer::splitWideOnes() {
 bool Trainer::resetsOpacity(int iteration) const {
   if (schedule_.resetsOpacity(iteration)) return true;
   // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
-  const bool white = dataset_.background == glm::vec3(1.0f);
+  const bool white = dataset_.background == glm::vec3(1.0f) && !dataset_.random_background;
   return white && schedule_.reset_every > 0 && iteration == schedule_.densify_from &&
          iteration < schedule_.densify_until;
 }
 
 // Where opacities were just reset they do not say yet what a Gaussian is worth.
-// More views are looked at in fewer rounds: together they cost as much, and newcomers are seen as often before they
-// are judged as in a scene that every view shows.
+// More views are looked at in fewer rounds, but in two at least: together they cost as much, and newcomers are seen as
+// often before they are judged as in a scene that every view shows.
 bool Trainer::swapsAfter(int iteration) const {
-  const auto rounds = static_cast<int>((seen_views_ + kSeenViews / 2) / kSeenViews);
+  const int most = std::max(schedule_.densify_until / schedule_.densify_every / 2, 1);
+  const int rounds = std::min(static_cast<int>((seen_views_ + kSeenViews / 2) / kSeenViews), most);
   return swaps() && iteration / schedule_.densify_every % rounds == 0 && opacitiesSettled(iteration);
 }
 

@@ -232,6 +232,11 @@ void checkSettings(const TrainSettings& settings) {
   if (settings.texture_outside == TextureOutside::edge) {
     throw Error(ErrorKind::usage, "--texture-outside edge has no gradient (expected base or clip)");
   }
+  if (settings.quantize_iterations > 0 && settings.quantize_iterations < kLeastQuantizeIterations) {
+    throw Error(ErrorKind::usage, "--quantize-iterations: too few for all parameters" +
+                                      expectedFound("0 or at least " + std::to_string(kLeastQuantizeIterations),
+                                                    std::to_string(settings.quantize_iterations)));
+  }
   if (settings.quantize_iterations > 0 && settings.compare_untextured) {
     throw Error(ErrorKind::usage, "--quantize-iterations has no twin without textures (expected one of both)");
   }

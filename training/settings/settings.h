@@ -38,6 +38,8 @@ constexpr auto namesOf(TextureIntersection) { return enumNames("same", "plane", 
 enum class TextureInit { neutral, paper };
 constexpr auto namesOf(TextureInit) { return enumNames("neutral", "paper"); }
 
+constexpr int kLeastQuantizeIterations = 5;  // of a stage 3: one for each kind of parameter that a file rounds
+
 // Rates are Adam step sizes; "extent" is sceneExtent(). -1 in a schedule entry: chosen from the iterations
 // (schedule.h).
 struct TrainSettings {

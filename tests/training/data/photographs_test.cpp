@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <limits>
 #include <set>
 #include <thread>
 
@@ -153,6 +154,19 @@ TEST_CASE("straight alpha is composited late as it is early, in 8 bit", "[photog
       std::make_shared<const tg::Photograph>(tg::decodePhotograph({folder / "b.png", {}, 1, std::nullopt}));
   CHECK(opaque->alpha.empty());
   CHECK(tg::compositeOver(opaque, glm::vec3(0.0f)).get() == &opaque->pixels);
+}
+
+TEST_CASE("an EXR's numbers are limited before pixels are mixed", "[photographs]") {
+  const tg::TemporaryFolder folder;
+  tg::Image image(4, 2, 3, 0.0f);
+  for (int c = 0; c < 3; ++c) {
+    image.at(0, 0, c) = 8.0f;
+    image.at(2, 0, c) = std::numeric_limits<float>::quiet_NaN();
+    image.at(3, 0, c) = image.at(2, 1, c) = image.at(3, 1, c) = 1.0f;
+  }
+  tg::writeImage(folder / "a.exr", image);
+  const tg::Photograph half = tg::decodePhotograph({folder / "a.exr", {}, 2, glm::vec3(0.0f)});
+  CHECK(half.pixels.rgb == std::vector<std::uint8_t>{64, 64, 64, 191, 191, 191});
 }
 
 TEST_CASE("a mask hides where it is zero, a downscaled pixel counts when its whole box does", "[photographs]") {
