@@ -83,7 +83,7 @@ bool given(const TrainFlags& options, const TrainSettings& settings, const Named
   const TrainSettings preset = presetSettings(options.preset);
   return std::ranges::any_of(options.chosen, [&](const auto& setting) {
     const SettingEntry& entry = *setting.first;
-    const bool by_flag = !options.from_file || options.by_flag.contains(&entry);
+    const bool by_flag = options.settings_file.empty() || options.by_flag.contains(&entry);
     const bool chosen = !setting.second.empty() && (by_flag || entry.get(settings) != entry.get(preset));
     return chosen && named(std::string_view(entry.name));
   });

@@ -39,12 +39,11 @@ class SettingsFile : public CLI::ConfigTOML {
  public:
   SettingsFile(const CLI::App& app, TrainFlags& options) : app_(app), options_(options) {}
   std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
-    options_.from_file = true;
     for (const SettingEntry& entry : settingEntries()) {
       if (app_.count("--" + entry.name) > 0) options_.by_flag.insert(&entry);
     }
     std::vector<CLI::ConfigItem> found = CLI::ConfigTOML::from_config(input);
-    const std::string path = app_.get_config_ptr()->as<std::string>();
+    const std::string& path = options_.settings_file = app_.get_config_ptr()->as<std::string>();
     for (const CLI::ConfigItem& item : found) {
       if (!item.parents.empty()) {  // a section would be a command's
         throw Error(ErrorKind::usage, path, "no such setting: [" + item.parents.front() + "] (expected no sections)");
@@ -70,14 +69,21 @@ class SettingsFile : public CLI::ConfigTOML {
 TrainSettings settingsOf(const TrainFlags& options) {
   TrainSettings settings = presetSettings(options.preset);
   for (const auto& [entry, value] : options.chosen) {
-    if (!value.empty()) entry->set(settings, value == "true" ? "on" : value == "false" ? "off" : value);
+    if (value.empty()) continue;
+    try {
+      entry->set(settings, value == "true" ? "on" : value == "false" ? "off" : value);
+    } catch (const Error& error) {
+      if (options.settings_file.empty() || options.by_flag.contains(entry)) throw;
+      const std::string message = error.what();
+      throw Error(error.kind, options.settings_file, message.starts_with("--") ? message.substr(2) : message);
+    }
   }
   // What says how many Gaussians goes over what said it before: a flag over the file, both over the preset.
   const auto from = [&](std::string_view name) {
     const auto chosen = std::ranges::find_if(
         options.chosen, [&](const auto& setting) { return setting.first->name == name && !setting.second.empty(); });
     if (chosen == options.chosen.end()) return 0;
-    return options.from_file && !options.by_flag.contains(chosen->first) ? 1 : 2;
+    return !options.settings_file.empty() && !options.by_flag.contains(chosen->first) ? 1 : 2;
   };
   if (from("percent") > from("gaussians") && settings.percent > 0) settings.gaussians = 0;
   if (from("gaussians") > from("percent") && settings.gaussians > 0) settings.percent = 0;
@@ -184,7 +190,8 @@ void refuseIdleFlags(const CLI::App& app, const TrainFlags& options) {
 void warnIdle(const TrainFlags& options, const std::string& why, const std::function<bool(const SettingEntry&)>& idle) {
   std::string flags;
   for (const auto& [entry, value] : options.chosen) {
-    if (value.empty() || !idle(*entry) || (options.from_file && !options.by_flag.contains(entry))) continue;
+    if (value.empty() || !idle(*entry) || (!options.settings_file.empty() && !options.by_flag.contains(entry)))
+      continue;
     flags += (flags.empty() ? "--" : ", --") + entry->name;
   }
   if (!flags.empty()) std::fprintf(stderr, "tgtrain: %s: does nothing with %s\n", flags.c_str(), why.c_str());

@@ -27,7 +27,7 @@ struct TrainFlags {
   std::uint64_t target_bytes = 0;                     // of the output; 0: any
   float steps = 0;                                    // of the output; 0: its own, or what target_bytes leave
   std::map<const SettingEntry*, std::string> chosen;  // over the preset; empty: not given
-  bool from_file = false;                             // --config is given, and has chosen all
+  std::string settings_file;                          // --config: has chosen all
   std::set<const SettingEntry*> by_flag;              // which of them flags have chosen, then
   std::string device = "auto";
   int threads = 0;

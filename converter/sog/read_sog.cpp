@@ -62,12 +62,14 @@ class SogReader {
   JsonNode root() const { return {json_, path_, "meta.json"}; }
 
   // File `index` of the `files` that `node` lists.
-  BytePixels image(const JsonNode& node, std::size_t files, std::size_t index, std::size_t least) const {
+  // `expected`: pixels that are known not to be too many, as decodeWebp() has it.
+  BytePixels image(const JsonNode& node, std::size_t files, std::size_t index, std::size_t least,
+                   std::size_t expected = 0) const {
     node.array("files", files);
     const std::string name = node.at("files").element(index).string();
     if (name.size() > kMaxName) node.fail("a file's name is too long" + atMost(kMaxName, name.size()));
     const std::string where = path_ + ": " + name;
-    BytePixels pixels = decodeWebp(files_(name, kMaxFileBytes), where, least);
+    BytePixels pixels = decodeWebp(files_(name, kMaxFileBytes), where, expected);
     if (pixels.size() < least) {
       throw Error(ErrorKind::badData, where,
                   "too few pixels (expected at least " + std::to_string(least) + ", found " +
@@ -94,7 +96,8 @@ class SogReader {
     return values;
   }
 
-  // The model grows once its images are there, whose bytes bound the count.
+  // The model grows once its images are there, whose bytes bound the count: those of other numbers may be of one
+  // colour.
   void readMeans(const JsonNode& node, int degree) {
     const auto low = node.numbers<3>("mins"), high = node.numbers<3>("maxs");
     const BytePixels lower = image(node, 2, 0, count_), upper = image(node, 2, 1, count_);
@@ -109,14 +112,14 @@ class SogReader {
 
   void readScales(const JsonNode& node) {
     const std::vector<float> values = codebook(node);
-    const BytePixels pixels = image(node, 1, 0, count_);
+    const BytePixels pixels = image(node, 1, 0, count_, count_);
     for (std::size_t i = 0; i < count_; ++i) {
       for (int k = 0; k < 3; ++k) loaded_.model.log_scale[i][k] = values[pixels.data[4 * i + k]];
     }
   }
 
   void readRotations(const JsonNode& node) {
-    const BytePixels pixels = image(node, 1, 0, count_);
+    const BytePixels pixels = image(node, 1, 0, count_, count_);
     std::size_t broken = 0;
     for (std::size_t i = 0; i < count_; ++i) {
       const std::uint8_t* bytes = pixels.data.data() + 4 * i;
@@ -143,7 +146,7 @@ class SogReader {
 
   void readColors(const JsonNode& node) {
     const std::vector<float> values = codebook(node);
-    const BytePixels pixels = image(node, 1, 0, count_);
+    const BytePixels pixels = image(node, 1, 0, count_, count_);
     GaussianModel& model = loaded_.model;
     for (std::size_t i = 0; i < count_; ++i) {
       for (int k = 0; k < 3; ++k) model.sh[i * model.shCount()][k] = values[pixels.data[4 * i + k]];
@@ -156,7 +159,7 @@ class SogReader {
     GaussianModel& model = loaded_.model;
     const std::size_t rest = model.shCount() - 1;
     const auto size = static_cast<std::size_t>(node.integer("count", 1, sog::kMaxPalette));
-    const BytePixels rows = image(node, 2, 0, 1), labels = image(node, 2, 1, count_);
+    const BytePixels rows = image(node, 2, 0, 1), labels = image(node, 2, 1, count_, count_);
     if (static_cast<std::size_t>(rows.width) != sog::kPaletteColumns * rest) {
       node.fail("the palette's picture has a wrong width" +
                 expectedFound(sog::kPaletteColumns * rest, static_cast<std::uint64_t>(rows.width)));
@@ -198,7 +201,7 @@ class SogReader {
       place(rects[i], sizes.data[4 * i], sizes.data[4 * i + 1], texel_count, kMaxModelTexels, node);
     std::vector<std::uint32_t> labels, members(stored);  // of each Gaussian; of each texture
     if (shared) {
-      labels = readLabels(image(node, file_count, 2, count_), stored);
+      labels = readLabels(image(node, file_count, 2, count_, count_), stored);
       for (const std::uint32_t label : labels) ++members[label];
     }
     const BytePixels values = image(node, file_count, 1, texel_count);

@@ -15,6 +15,7 @@
 #include <iostream>
 #include <map>
 #include <new>
+#include <span>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -68,8 +69,18 @@ std::string likeOurs(const std::string& message) {
   return missing ? message.substr(0, colon) + ": expected a value, found none" : message;
 }
 
-std::string usageMessage(const CLI::App* app, const CLI::Error& error) {
-  std::string message = likeOurs(error.what());
+// What is wrong with a setting that is on no command line is wrong with the file of settings.
+std::string ofSettingsFile(const CLI::App& app, std::span<char*> arguments, const std::string& message) {
+  const CLI::Option* config = app.get_config_ptr();
+  if (config == nullptr || config->count() == 0 || !message.starts_with("--")) return message;
+  const std::string flag = message.substr(0, message.find_first_of(": "));
+  const bool is_given =
+      std::ranges::any_of(arguments, [&](std::string_view given) { return given.substr(0, given.find('=')) == flag; });
+  return is_given ? message : config->as<std::string>() + ": " + message.substr(2);
+}
+
+std::string usageMessage(const CLI::App* app, const CLI::Error& error, std::span<char*> arguments) {
+  std::string message = ofSettingsFile(*app, arguments, likeOurs(error.what()));
   const std::string unknown = "INI was not able to parse ";
   if (message.starts_with(unknown)) {
     const std::string setting = message.substr(unknown.size());
@@ -192,7 +203,9 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
   addGeneralOptions(app, program);
   std::string shell;
   bool manual = false;
-  app.failure_message(usageMessage);
+  app.failure_message([argc, argv](const CLI::App* failed, const CLI::Error& error) {
+    return usageMessage(failed, error, {argv, static_cast<std::size_t>(argc)});
+  });
   if (name == program) {
     app.add_option("--completion", shell,
                    "Print what makes a shell complete the options, and exit: source <(...) in bash and zsh (after "

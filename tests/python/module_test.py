@@ -287,7 +287,7 @@ class Training(Folder):
         self.refused("usage", "iteration: no such setting", tg.Trainer, dataset, iteration=3)
         self.refused("usage", "iterations", tg.Trainer, dataset, iterations="many")
         self.refused("usage", "best", tg.Trainer, dataset, "best")
-        self.refused("usage", "quantize-iterations", tg.Trainer, dataset, quantize_iterations=3)
+        self.refused("usage", "quantize-iterations", tg.Trainer, dataset, quantize_iterations=5)
         self.refused("cannot_read", "none", tg.Dataset.load, self.folder / "none")
 
     def test_a_model_can_be_gone_on_from(self):

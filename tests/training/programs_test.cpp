@@ -515,6 +515,13 @@ TEST_CASE("a file of settings is refused by the name of what is wrong in it", "[
     CHECK(refused.code == 1);
     CHECK_THAT(refused.output, Contains(": no such setting: ") && !Contains("++"));
   }
+  std::ofstream(folder / "a.toml") << "iterations = 5k\n";
+  CHECK_THAT(tgtrain(folder, "scene -o m.tgz --config a.toml").output,
+             Contains("tgtrain: a.toml: iterations: expected an integer"));
+  CHECK_THAT(tgtrain(folder, "scene -o m.tgz --config a.toml --iterations 6k").output,
+             Contains("tgtrain: --iterations: expected an integer"));
+  std::ofstream(folder / "a.toml") << "preset = \"fast\"\n";
+  CHECK_THAT(tgtrain(folder, "scene -o m.tgz --config a.toml").output, Contains("tgtrain: a.toml: preset: expected"));
   std::ofstream(folder / "a.toml") << "iterations =\n";
   CHECK_THAT(tgtrain(folder, "scene -o m.tgz --config a.toml").output,
              Contains("a.toml: iterations: expected a value, found none"));

@@ -568,6 +568,10 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   return dataset;
 }
 
+// Of their distance from the origin, or from what they see: cameras that are this near each other are at one place, but
+// for the rounding of what wrote them.
+constexpr double kOnePlace = 1e-7;
+
 double cameraExtent(const Dataset& dataset) {
   const std::vector<std::size_t> train = dataset.indices(false);
   glm::dvec3 mean(0.0);

@@ -82,9 +82,6 @@ std::string datasetNear(const std::filesystem::path& folder);
 // What loadDataset() refuses of the options without a look at the data set. Throws Error.
 void checkDatasetOptions(const DatasetOptions& options);
 
-// Of their distance from the origin, or from what they see: cameras that are this near each other are at one place, but
-// for the rounding of what wrote them.
-constexpr double kOnePlace = 1e-7;
 // 1.1 * the largest distance of a training camera from their mean, as 3DGS has it. [world units]
 double cameraExtent(const Dataset& dataset);
 

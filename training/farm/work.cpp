@@ -109,8 +109,8 @@ class Worker {
       if (view.state == JobState::taken && watch_.isDead(job.name, view, Clock::now())) {
         if (view.deaths >= options_.takeovers) {
           const Failure failure{kSignalled + SIGKILL, std::to_string(view.deaths + 1) + " workers died at it"};
-          folder_.end(job.name, view.attempts, AttemptEnd::released, failure);  // for one who removes failed.json
           folder_.fail(job.name, failure);
+          folder_.end(job.name, view.attempts, AttemptEnd::released, failure);  // for one who removes failed.json
           listener_.warn(job.name + ": given up: " + failure.words);
           view.state = JobState::failed;
         } else {

@@ -117,9 +117,9 @@ Cube startingCube(const Dataset& dataset) {
   for (std::size_t i : train) {
     cube.half += glm::length(dataset.views[i].position() - cube.center) / static_cast<double>(train.size());
   }
-  // Of cameras at one place, which look from nowhere in particular.
-  const double farthest = std::max({std::abs(mean.x), std::abs(mean.y), std::abs(mean.z)});
-  if (!(cube.half > kOnePlace * farthest)) cube.half = 1.0;
+  // Nearer than kNear nothing is drawn. So near to what they look at are also cameras that look from one place or along
+  // parallel axes, which look at nothing in particular.
+  if (!(cube.half >= 2.0 * kNear)) cube.half = 1.0;
   return cube;
 }
 

@@ -395,20 +395,30 @@ void Trainer::splitWideOnes() {
 bool Trainer::resetsOpacity(int iteration) const {
   if (schedule_.resetsOpacity(iteration)) return true;
   // On white, half-transparent haze in the background colour is free: 3DGS clears it once more, early.
-  const bool white = dataset_.background == glm::vec3(1.0f) && !dataset_.random_background;
+  const bool white = dataset_.background == glm::vec3(1.0f);
   return white && schedule_.reset_every > 0 && iteration == schedule_.densify_from &&
          iteration < schedule_.densify_until;
 }
 
-// Where opacities were just reset they do not say yet what a Gaussian is worth.
-// More views are looked at in fewer rounds, but in two at least: together they cost as much, and newcomers are seen as
-// often before they are judged as in a scene that every view shows.
+// More views are looked at in fewer rounds: together they cost as much, and newcomers are seen as often before they
+// are judged as in a scene that every view shows. In one round at least.
 bool Trainer::swapsAfter(int iteration) const {
-  const int most = std::max(schedule_.densify_until / schedule_.densify_every / 2, 1);
-  const int rounds = std::min(static_cast<int>((seen_views_ + kSeenViews / 2) / kSeenViews), most);
-  return swaps() && iteration / schedule_.densify_every % rounds == 0 && opacitiesSettled(iteration);
+  if (!swaps()) return false;
+  const int every = schedule_.densify_every;
+  const auto swapsIn = [&](int at, int rounds) { return at / every % rounds == 0 && opacitiesSettled(at); };
+  const auto hasOne = [&](int rounds) {
+    for (int at = every; at < schedule_.densify_until; at += every) {
+      if (schedule_.densifies(at) && swapsIn(at, rounds)) return true;
+    }
+    return false;
+  };
+  auto rounds = static_cast<int>((seen_views_ + kSeenViews / 2) / kSeenViews);
+  rounds = std::clamp(rounds, 1, std::max(schedule_.densify_until / every, 1));
+  while (rounds > 1 && !hasOne(rounds)) --rounds;
+  return swapsIn(iteration, rounds);
 }
 
+// Where opacities were just reset they do not say yet what a Gaussian is worth.
 bool Trainer::opacitiesSettled(int iteration) const {
   for (int past = std::max(1, iteration - kSettlingSteps); past < iteration; ++past) {
     if (resetsOpacity(past)) return false;
@@ -617,38 +627,35 @@ void Trainer::densifyAndSchedule(int iteration) {
 }
 
 void Trainer::quantizeNext() {
-  const auto phase = [&](int done) { return static_cast<int>(phaseOf(done, settings_.quantize_iterations)); };
-  const int first = state_.iteration > 0 ? phase(state_.iteration - 1) + 1 : 0, last = phase(state_.iteration);
-  if (first > last) return;
+  const Quantized turn = phaseOf(state_.iteration, settings_.quantize_iterations);
+  if (state_.iteration > 0 && turn == phaseOf(state_.iteration - 1, settings_.quantize_iterations)) return;
   TG_ASSERT(stored_, "the trainer knows what the file holds");
   pull();
   engine_->stateChanged();
   GaussianModel& model = state_.training.model;
   GaussianModel stored = stored_(model, state_.file_steps);
   TG_ASSERT(stored.size() == model.size() && stored.sh_degree == model.sh_degree, "the file has the model's Gaussians");
-  for (int turn = first; turn <= last; ++turn) {  // several where the stage is shorter than their number
-    switch (static_cast<Quantized>(turn)) {
-      case Quantized::mean:
-        model.mean = std::move(stored.mean);
-        break;
-      case Quantized::rotation:
-        model.rotation = std::move(stored.rotation);
-        break;
-      case Quantized::logScale:
-        model.log_scale = stored.log_scale;
-        break;
-      case Quantized::texelsAndOpacity:
-        model.opacity_logit = std::move(stored.opacity_logit);
-        // Of what shares textures a file's scales follow from the texels (converter/sog).
-        if (areShared(textureGroups(model.atlas))) model.log_scale = stored.log_scale;
-        copyTexels(stored.atlas, model.atlas);
-        break;
-      case Quantized::shRest:
-        for (std::size_t i = 0; i < model.sh.size(); ++i) {
-          if (i % model.shCount() > 0) model.sh[i] = stored.sh[i];
-        }
-        break;
-    }
+  switch (turn) {
+    case Quantized::mean:
+      model.mean = std::move(stored.mean);
+      break;
+    case Quantized::rotation:
+      model.rotation = std::move(stored.rotation);
+      break;
+    case Quantized::logScale:
+      model.log_scale = stored.log_scale;
+      break;
+    case Quantized::texelsAndOpacity:
+      model.opacity_logit = std::move(stored.opacity_logit);
+      // Of what shares textures a file's scales follow from the texels (converter/sog).
+      if (areShared(textureGroups(model.atlas))) model.log_scale = stored.log_scale;
+      copyTexels(stored.atlas, model.atlas);
+      break;
+    case Quantized::shRest:
+      for (std::size_t i = 0; i < model.sh.size(); ++i) {
+        if (i % model.shCount() > 0) model.sh[i] = stored.sh[i];
+      }
+      break;
   }
 }
 

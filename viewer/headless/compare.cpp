@@ -23,10 +23,11 @@ Frame frameOf(Renderer& renderer, ViewedScene& viewed, const Camera& camera, con
   return renderer.render(camera, settings);
 }
 
-// Each half of a picture of two beside each other has its camera fitted into it once.
+// Each half of a picture of two beside each other has its camera fitted into it once; where nobody says how large it is
+// to be, both are whole.
 ViewOptions viewOf(const ViewOptions& options, CompareMode mode, const Scene& scene) {
   ViewOptions view = options;
-  if (mode != CompareMode::side) return view;
+  if (mode != CompareMode::side || !options.size) return view;
   const glm::ivec2 size = cameraFor(options, scene).size;
   view.size = glm::ivec2(sideWidth(size.x), size.y);
   return view;

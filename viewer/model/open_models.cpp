@@ -26,20 +26,26 @@ std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state) {
   std::vector<std::filesystem::path> due;
   for (auto file = first; file != requests.end(); ++file) {
     // A path is no model's; a file that cannot be read says so when it is opened.
-    std::error_code unreadable;
-    const bool waits = !models.empty() && std::filesystem::exists(*file, unreadable) && !isPathFile(*file);
+    const auto isCameras = [](const std::filesystem::path& json) {
+      try {
+        return !isPathFile(json);
+      } catch (const Error&) {
+        return false;
+      }
+    };
+    const bool waits = !models.empty() && isCameras(*file);
     if (waits) state.documents.camera_files.push_back({*file, models});
     if (!waits) due.push_back(*file);
   }
   requests.erase(first, requests.end());
   std::erase_if(state.documents.camera_files, [&](const CamerasOfModels& cameras) {
     const auto any = [&](const auto& matches) { return std::ranges::any_of(cameras.models, matches); };
-    const bool shown = !state.scene.partial && any([&](const auto& model) {
+    const bool comes = !models.empty() || state.loading.active;
+    const bool shown = !comes && !state.scene.partial && any([&](const auto& model) {
       const int document = documentOf(state, model);
       return document >= 0 && document == state.documents.shown;
     });
     if (shown) due.push_back(cameras.file);
-    const bool comes = !models.empty() || state.loading.active;
     return shown || (!comes && !any([&](const auto& model) { return documentOf(state, model) >= 0; }));
   });
   return due;

@@ -74,11 +74,15 @@ TEST_CASE("without points Gaussians start where the cameras look", "[init]") {
   glm::dvec3 mean(0.0);
   for (glm::vec3 p : around.position) mean += glm::dvec3(p) / 1000.0;
   CHECK(glm::length(mean - glm::dvec3(10, 20, 30)) < 0.3);
-  // A scene of any unit.
+  // A smaller scene, and one that lies before the near plane.
   tg::Dataset small = dataset;
-  for (tg::Camera& view : small.views) view.translation *= 0.01;
+  for (tg::Camera& view : small.views) view.translation *= 0.125;
   const tg::PointCloud scaled = tg::randomPoints(small, 1000, 1);
-  for (std::size_t i = 0; i < 1000; ++i) CHECK(glm::length(scaled.position[i] - 0.01f * around.position[i]) < 1e-3f);
+  for (std::size_t i = 0; i < 1000; ++i) CHECK(glm::length(scaled.position[i] - 0.125f * around.position[i]) < 1e-3f);
+  for (tg::Camera& view : small.views) view.translation *= 0.1;
+  float most = 0;
+  for (glm::vec3 p : tg::randomPoints(small, 1000, 1).position) most = std::max(most, std::abs(p.x - 0.125f));
+  CHECK(most > 0.9f);
   dataset.layout = tg::DatasetLayout::nerfSynthetic;
   for (glm::vec3 p : tg::randomPoints(dataset, 1000, 1).position) {
     CHECK(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= 1.3f);

@@ -492,18 +492,23 @@ TEST_CASE("a model of lower SH degree than the settings' is trained for a file, 
   settings.iterations = 4;
   settings.sh_every = 0;
   settings.sh_degree = 3;
-  settings.quantize_iterations = 3;
+  settings.quantize_iterations = 5;
   tg::Trainer trainer(dataset, settings, *renderer);
   trainer.onQuantizing([](const tg::GaussianModel& model, float&) { return rounded(model, 0.2f); });
   while (trainer.step()) {
     if (trainer.stage() == tg::Stage::quantized) CHECK(tg::momentsAgree(trainer.state().training));
   }
-  // Of five turns those that a stage of three iterations reaches, none left out.
+  // A turn an iteration, none left out.
   const tg::GaussianModel model = trainer.model(), file = rounded(model, 0.2f);
   CHECK(model.sh_degree == 3);
   CHECK(model.mean == file.mean);
   CHECK(model.log_scale == file.log_scale);
   CHECK(model.opacity_logit == file.opacity_logit);
+  for (std::size_t i = 0; i < model.sh.size(); ++i) {
+    if (i % model.shCount() > 0) CHECK(model.sh[i] == file.sh[i]);
+  }
+  settings.quantize_iterations = 4;
+  CHECK_THROWS_WITH(tg::Trainer(dataset, settings, *renderer), Contains("too few for all parameters"));
 }
 
 TEST_CASE("what stage quantized spends on files is no part of its time", "[trainer]") {

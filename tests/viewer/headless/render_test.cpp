@@ -177,6 +177,14 @@ TEST_CASE("beside its photograph a picture has the camera fitted into its half o
     }
   }
   CHECK(std::isinf(psnr8Bit(left, half)));
+  // Both are whole where nobody says how large they are.
+  REQUIRE(shop.tgview({"model.tgz", "--camera", "1", "--backend", "cpu", "--render", "one.png"}).exit_code == 0);
+  REQUIRE(shop.tgview({"model.tgz", "--camera", "1", "--backend", "cpu", "--photos", "images", "--compare-mode", "side",
+                       "--render", "two.png"})
+              .exit_code == 0);
+  const Image one = shop.read("one.png"), two = shop.read("two.png");
+  CHECK(two.width == 2 * one.width);
+  CHECK(two.height == one.height);
 }
 
 TEST_CASE("with --quiet a picture is written without a word, a mistake is still said") {
