@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/model/rotation.h"
 #include "library/access.h"
 
 namespace textured_gaussians {
@@ -38,13 +39,8 @@ tg::Camera cameraOf(const Camera& camera) {
       result.rotation[column][row] = camera.rotation[static_cast<std::size_t>(3 * row + column)];
     }
   }
-  const glm::dmat3 gram = result.rotation * glm::transpose(result.rotation);
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      if (std::abs(gram[column][row] - (row == column ? 1.0 : 0.0)) > kRotationTolerance) {
-        refuse(camera.name, "the rotation's rows are not orthonormal");
-      }
-    }
+  if (tg::skewOf(glm::transpose(result.rotation)) > kRotationTolerance) {
+    refuse(camera.name, "the rotation's rows are not orthonormal");
   }
   if (glm::determinant(result.rotation) < 0) refuse(camera.name, "the rotation is a reflection (determinant -1)");
   result.translation = {camera.translation[0], camera.translation[1], camera.translation[2]};

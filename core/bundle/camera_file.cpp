@@ -9,25 +9,15 @@
 
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/model/rotation.h"
 #include "core/system/error.h"
 
 namespace tg {
 namespace {
 
-constexpr std::int64_t kMaxImageSide = 1 << 20;  // [px] as of a data set's photographs
 // Files carry rotations rounded to 6 or 7 digits; anything worse is no rotation.
 constexpr double kRotationTolerance = 1e-3;
 constexpr double kRoundedRotation = 1e-5;
-
-// The largest difference of a rotation's product with its transpose from the identity.
-double skewOf(const glm::dmat3& rotation) {
-  const glm::dmat3 gram = glm::transpose(rotation) * rotation;
-  double skew = 0.0;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) skew = std::max(skew, std::abs(gram[r][c] - (r == c ? 1.0 : 0.0)));
-  }
-  return skew;
-}
 
 // glm stores columns, and camera_from_world[column r] is row r of its transpose, world_from_camera: what the file
 // holds.
@@ -44,14 +34,6 @@ glm::dmat3 parseRotation(const JsonNode& camera) {
   return camera_from_world;
 }
 
-// Of three digits, the transpose is no inverse: eye and depths would disagree. Of more, the numbers stay the file's.
-glm::dmat3 orthonormal(const glm::dmat3& camera_from_world) {
-  if (skewOf(camera_from_world) <= kRoundedRotation) return camera_from_world;
-  const glm::dvec3 x = glm::normalize(camera_from_world[0]);
-  const glm::dvec3 y = glm::normalize(camera_from_world[1] - glm::dot(camera_from_world[1], x) * x);
-  return {x, y, glm::cross(x, y)};
-}
-
 glm::dvec3 parseVector(const JsonNode& camera, const char* key) {
   const std::array<double, 3> v = camera.numbers<3>(key);
   return {v[0], v[1], v[2]};
@@ -60,13 +42,14 @@ glm::dvec3 parseVector(const JsonNode& camera, const char* key) {
 Camera parseCamera(const JsonNode& json) {
   Camera camera;
   camera.name = json.string("img_name");
-  camera.size = {json.integer("width", 1, kMaxImageSide), json.integer("height", 1, kMaxImageSide)};
+  camera.size = {json.integer("width", 1, kMaxCameraSide), json.integer("height", 1, kMaxCameraSide)};
   camera.focal = {json.number("fx"), json.number("fy")};
   if (camera.focal.x <= 0.0 || camera.focal.y <= 0.0) json.fail("\"fx\", \"fy\": expected focal lengths above 0");
   camera.center.x = json.has("cx") ? json.number("cx") : 0.5 * camera.size.x;
   camera.center.y = json.has("cy") ? json.number("cy") : 0.5 * camera.size.y;
   const glm::dmat3 stored = parseRotation(json);
-  camera.rotation = orthonormal(stored);
+  // Of three digits, its transpose is no inverse: eye and depths would disagree. Of more, the numbers stay the file's.
+  camera.rotation = skewOf(stored) > kRoundedRotation ? orthonormalized(stored) : stored;
   const glm::dvec3 position = parseVector(json, "position");
   camera.translation = -camera.rotation * position;
   if (json.has("translation")) {

@@ -10,6 +10,7 @@
 
 namespace tg {
 
+inline constexpr std::int64_t kMaxCameraSide = 1 << 20;      // [px]
 inline constexpr std::uint64_t kMaxCamerasBytes = 32 << 20;  // about 50,000 cameras
 
 // INRIA layout: [{id, img_name, width, height, position, rotation (world from camera, rows), fx, fy}], plus our

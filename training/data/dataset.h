@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/bundle/blocks.h"
+#include "core/bundle/camera_file.h"
 #include "core/bundle/ply.h"
 #include "core/model/camera.h"
 #include "core/system/names.h"
@@ -21,7 +22,7 @@ namespace tg {
 enum class DatasetLayout { automatic, nerfSynthetic, transforms, colmap };
 constexpr auto namesOf(DatasetLayout) { return enumNames("auto", "nerf-synthetic", "transforms", "colmap"); }
 
-constexpr unsigned kMaxImageSide = 1 << 20;  // [px] that a description may claim
+constexpr unsigned kMaxImageSide = kMaxCameraSide;  // [px] that a description may claim: models keep its cameras
 
 struct Dataset {
   std::string name;  // of the folder

@@ -8,6 +8,7 @@
 
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/model/rotation.h"
 #include "core/system/error.h"
 #include "training/data/dataset.h"
 
@@ -100,18 +101,10 @@ void setPose(const JsonNode& frame, Camera& camera) {
       }
     }
   }
-  const glm::dmat3 gram = glm::transpose(world_from_camera) * world_from_camera;
-  double deviation = 0;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) deviation = std::max(deviation, std::abs(gram[i][j] - (i == j ? 1.0 : 0.0)));
-  }
-  if (!(deviation < 1e-2) || glm::determinant(world_from_camera) <= 0) {
+  if (!(skewOf(world_from_camera) < 1e-2) || glm::determinant(world_from_camera) <= 0) {
     frame.fail("'transform_matrix' is not a rotation and a translation (scaled, sheared or mirrored)");
   }
-  // Files carry float32 noise: Gram-Schmidt makes the rotation exact again.
-  glm::dvec3 x = glm::normalize(world_from_camera[0]);
-  glm::dvec3 y = glm::normalize(world_from_camera[1] - x * glm::dot(x, world_from_camera[1]));
-  world_from_camera = glm::dmat3(x, y, glm::cross(x, y));
+  world_from_camera = orthonormalized(world_from_camera);  // files carry float32 noise
   camera.rotation = glm::transpose(world_from_camera);
   camera.translation = -camera.rotation * position;
 }

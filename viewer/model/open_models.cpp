@@ -17,6 +17,29 @@
 
 namespace tg {
 
+namespace {
+
+bool isCameras(const std::filesystem::path& json) {
+  try {
+    return !isPathFile(json);
+  } catch (const Error&) {
+    return false;  // a file that cannot be read says so when it is opened
+  }
+}
+
+bool areForShown(const ViewerState& state, const CamerasOfModels& cameras) {
+  return !state.scene.partial && std::ranges::any_of(cameras.models, [&](const auto& model) {
+    const int document = documentOf(state, model);
+    return document >= 0 && document == state.documents.shown;
+  });
+}
+
+bool areForAnOpenOne(const ViewerState& state, const CamerasOfModels& cameras) {
+  return std::ranges::any_of(cameras.models, [&](const auto& model) { return documentOf(state, model) >= 0; });
+}
+
+}  // namespace
+
 std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state) {
   std::vector<std::filesystem::path>& requests = state.documents.open_requests;
   const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
@@ -25,30 +48,25 @@ std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state) {
   const std::vector<std::filesystem::path> models(requests.begin(), first);
   std::vector<std::filesystem::path> due;
   for (auto file = first; file != requests.end(); ++file) {
-    // A path is no model's; a file that cannot be read says so when it is opened.
-    const auto isCameras = [](const std::filesystem::path& json) {
-      try {
-        return !isPathFile(json);
-      } catch (const Error&) {
-        return false;
-      }
-    };
-    const bool waits = !models.empty() && isCameras(*file);
-    if (waits) state.documents.camera_files.push_back({*file, models});
-    if (!waits) due.push_back(*file);
+    if (models.empty() || !isCameras(*file)) {
+      due.push_back(*file);
+    } else {
+      state.documents.camera_files.push_back({*file, models});
+    }
   }
   requests.erase(first, requests.end());
+  if (!models.empty() || state.loading.active) return due;
   std::erase_if(state.documents.camera_files, [&](const CamerasOfModels& cameras) {
-    const auto any = [&](const auto& matches) { return std::ranges::any_of(cameras.models, matches); };
-    const bool comes = !models.empty() || state.loading.active;
-    const bool shown = !comes && !state.scene.partial && any([&](const auto& model) {
-      const int document = documentOf(state, model);
-      return document >= 0 && document == state.documents.shown;
-    });
+    const bool shown = areForShown(state, cameras);
     if (shown) due.push_back(cameras.file);
-    return shown || (!comes && !any([&](const auto& model) { return documentOf(state, model) >= 0; }));
+    return shown || !areForAnOpenOne(state, cameras);
   });
   return due;
+}
+
+bool hasCamerasDue(const ViewerState& state) {
+  return std::ranges::any_of(state.documents.camera_files,
+                             [&](const CamerasOfModels& cameras) { return areForShown(state, cameras); });
 }
 
 OpenModels::View OpenModels::viewOf(const ViewerState& state) {

@@ -20,6 +20,8 @@ namespace tg {
 // What of the requests is no model but a camera path, or cameras for the one shown. Once a frame, before update():
 // cameras that came together with models wait until one of these is shown, and are nobody's where none comes.
 std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state);
+// Whether cameras wait that the next takeCameraFiles() gives for the model that is shown.
+bool hasCamerasDue(const ViewerState& state);
 
 class OpenModels {
  public:

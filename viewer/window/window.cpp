@@ -307,8 +307,8 @@ bool Viewer::timedOnDevice(const std::function<void()>& draw) {
 
 bool Viewer::scriptMayGoOn() const {
   const DocumentState& documents = state_.documents;
-  const bool asked = !documents.open_requests.empty() || !documents.camera_files.empty() || documents.show_request ||
-                     documents.close_request;
+  const bool asked =
+      !documents.open_requests.empty() || hasCamerasDue(state_) || documents.show_request || documents.close_request;
   const bool loading = state_.loading.active && !state_.loading.script_goes_on;
   const bool saving = state_.desktop.saving || state_.desktop.save_request;
   const bool typed = graphics_->gui.inputQueued();

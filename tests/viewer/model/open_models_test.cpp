@@ -620,8 +620,10 @@ TEST_CASE("cameras that are dropped together with a model are the new model's, n
   state.documents.show_request = 0;
   window.settle();
   CHECK(takeCameraFiles(state).empty());
+  CHECK_FALSE(hasCamerasDue(state));  // a script does not wait for them
   state.documents.show_request = 2;
   window.settle();
+  CHECK(hasCamerasDue(state));
   CHECK(takeCameraFiles(state) == Files{cameras});
   // Where that model does not come they are nobody's.
   requests = {folder / "broken.tgz", cameras};
