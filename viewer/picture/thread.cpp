@@ -20,10 +20,11 @@ constexpr double kLook = 0.5;       // [ms] between looks at what is asked for, 
 }  // namespace
 
 PictureThread::PictureThread(std::function<std::unique_ptr<PictureDevice>()> make_device, int frames_in_flight,
-                             std::string backend, std::function<void()> wake)
+                             std::string backend, std::function<void()> wake, std::chrono::milliseconds device_rest)
     : make_device_(std::move(make_device)),
       frames_in_flight_(static_cast<std::size_t>(frames_in_flight)),
       backend_(std::move(backend)),
+      device_rest_(device_rest),
       results_(std::move(wake)),
       thread_(startWorker(results_, [this](const std::stop_token& stop) { run(stop); })) {}
 
@@ -48,6 +49,10 @@ void PictureThread::run(const std::stop_token& stop) {
   std::unique_ptr<PictureDevice> device;
   std::unique_ptr<PictureMaker> maker;
   std::optional<Asked> newest;  // of those begun; none: none is under way
+  bool resting = false;         // the device, while the CPU draws
+  std::chrono::milliseconds rest = device_rest_;
+  std::chrono::steady_clock::time_point tried_again;
+  std::string failure;  // the last one that was told
   const std::size_t most = frames_in_flight_;
   while (!stop.stop_requested()) {
     const std::size_t under_way = maker ? maker->underWay() : 0;
@@ -66,6 +71,10 @@ void PictureThread::run(const std::stop_token& stop) {
       asked.reset();
     }
 
+    if (resting && asked && under_way == 0 && std::chrono::steady_clock::now() >= tried_again) {
+      maker.reset();
+      resting = false;
+    }
     Result result;
     std::optional<Asked> refused;
     for (;;) {
@@ -73,13 +82,17 @@ void PictureThread::run(const std::stop_token& stop) {
       bool device_failed = true;
       try {
         if (!device) device = make_device_();
-        if (!maker) maker = std::make_unique<PictureMaker>(*device, backend_);
+        if (!maker) maker = std::make_unique<PictureMaker>(*device, resting ? "cpu" : backend_);
         if (asked && !maker->begin(*asked->request)) refused = std::exchange(asked, std::nullopt);
         if (asked) newest = asked;
         // With room for another one, it looks up now and then for a request.
         const bool alone = most == 1 || maker->underWay() == most || refused;
         if (auto done = maker->finish(alone ? std::numeric_limits<double>::infinity() : kLook)) {
           result.picture = std::make_shared<const Picture>(std::move(*done));
+          if (!resting) {
+            rest = device_rest_;
+            failure.clear();
+          }
         }
         break;
       } catch (const std::bad_alloc&) {
@@ -92,13 +105,16 @@ void PictureThread::run(const std::stop_token& stop) {
       }
       maker.reset();  // whatever it held makes room
       if (asked) newest = asked;
-      if (backend_ == "cpu" || !device_failed) {
+      if (backend_ == "cpu" || resting || !device_failed) {
         result.problem = "The picture cannot be drawn: " + reason;
         result.given_up = newest->number;
         break;
       }
-      backend_ = "cpu";
-      result.problem = "The device failed, the CPU renders from here on: " + reason;
+      resting = true;
+      tried_again = std::chrono::steady_clock::now() + rest;
+      rest = std::min(2 * rest, kLongestDeviceRest);
+      if (reason != failure) result.problem = "The device failed, the CPU renders meanwhile: " + reason;
+      failure = reason;
       asked = newest;
     }
 

@@ -16,8 +16,8 @@ using namespace tg;
 namespace {
 
 struct Gate {
-  std::atomic<int> uploads{0}, images{0};
-  std::atomic<bool> shut{false}, fails{false};
+  std::atomic<int> uploads{0}, images{0}, renderers{0};
+  std::atomic<bool> shut{false}, fails{false}, full{false};
   void open() {
     shut = false;
     shut.notify_all();
@@ -32,7 +32,10 @@ class MemoryDevice final : public PictureDevice {
   std::shared_ptr<PictureImage> makeImage(glm::ivec2 size) override {
     return std::make_shared<MemoryImage>(gate_, size);
   }
-  std::unique_ptr<GpuRenderer> makeRenderer() override { throw Error(ErrorKind::device, "lost"); }
+  std::unique_ptr<GpuRenderer> makeRenderer() override {
+    ++gate_.renderers;
+    throw Error(ErrorKind::device, gate_.full ? "full" : "lost");
+  }
   bool draw(GpuRenderer&, const FrameRequest&, PictureImage&, int) override { return false; }
   void upload(const Image&, PictureImage&) override {
     ++gate_.uploads;
@@ -57,8 +60,8 @@ struct Bench {
   std::shared_ptr<const GaussianModel> model = std::make_shared<GaussianModel>(test::trainedLikeModel(1, 20));
   PictureThread thread;
 
-  explicit Bench(const std::string& backend)
-      : thread([this] { return std::make_unique<MemoryDevice>(gate); }, 1, backend, [] {}) {}
+  explicit Bench(const std::string& backend, std::chrono::milliseconds device_rest = std::chrono::hours(1))
+      : thread([this] { return std::make_unique<MemoryDevice>(gate); }, 1, backend, [] {}, device_rest) {}
   ~Bench() { gate.open(); }
   void ask(int width) {
     PictureRequest request;
@@ -107,11 +110,27 @@ TEST_CASE("the CPU draws the picture on which the device fails, and says so once
   Bench bench("vulkan");
   bench.ask(32);
   const PictureThread::News news = bench.until(32);
-  CHECK(news.problem == "The device failed, the CPU renders from here on: lost");
+  CHECK(news.problem == "The device failed, the CPU renders meanwhile: lost");
   CHECK_FALSE(news.given_up);
   CHECK(news.picture->backend == "cpu");
   bench.ask(33);
   CHECK(bench.until(33).problem.empty());
+  CHECK(bench.gate.renderers == 1);
+}
+
+TEST_CASE("a device that failed is tried again, and a failure is told again only when it is another one") {
+  Bench bench("vulkan", std::chrono::milliseconds(0));
+  bench.ask(32);
+  CHECK(bench.until(32).problem == "The device failed, the CPU renders meanwhile: lost");
+  bench.ask(33);
+  CHECK(bench.until(33).problem.empty());
+  CHECK(bench.gate.renderers == 2);
+  bench.gate.full = true;
+  bench.ask(34);
+  const PictureThread::News news = bench.until(34);
+  CHECK(news.problem == "The device failed, the CPU renders meanwhile: full");
+  CHECK(news.picture->backend == "cpu");
+  CHECK_FALSE(news.given_up);
 }
 
 TEST_CASE("a picture that cannot be drawn is given up, unless another one has been asked for") {
