@@ -32,8 +32,9 @@ constexpr double kShownSide = 640;     // [px] of the longer side: nobody's wind
 
 struct Moments {
   float first = 0, second = 0;
-  // The step for a gradient, of a rate of 1.
+  // The step for a gradient, of a rate of 1; none for one that no float holds.
   float step(float gradient, float bias1, float bias2) {
+    if (!std::isfinite(gradient)) return 0.0f;
     first = 0.9f * first + 0.1f * gradient;
     second = 0.99f * second + 0.01f * gradient * gradient;
     return first / bias1 / (std::sqrt(second / bias2) + kLeastSlope);
@@ -107,7 +108,7 @@ class Fit {
       const glm::vec2 a = sigma * glm::vec2(glm::dot(screen[0], axes[axis]), glm::dot(screen[1], axes[axis]));
       const float slope = 2.0f * glm::dot(gradient.covariance, glm::vec3(a.x * a.x, a.x * a.y, a.y * a.y));
       log_scale -= rate * kRateScale * moments.scale[axis].step(slope, bias1, bias2);
-      if (fixed) continue;
+      if (fixed || !std::isfinite(sigma)) continue;
       const float shift = moments.mean[axis].step(glm::dot(gradient.center, a), bias1, bias2);
       base_.mean[i] -= rate * kRateMean * shift * sigma * axes[axis];
     }

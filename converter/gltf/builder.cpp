@@ -155,7 +155,7 @@ void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, Meshop
         fill(gaussians_.block(first, std::min(kBlock, count - first), scratch[static_cast<std::size_t>(worker)]),
              bytes.data() + first * element.stride());
       });
-  if (filter.kind == MeshoptFilter::Kind::fixed) filter.exponent = roundToSteps(bytes, filter.exponent);
+  if (filter.kind == MeshoptFilter::Kind::fixed) roundToSteps(bytes, filter.exponent);
   if (bounds) addBounds(*bounds, 0, bytes);
   PackedView packed = packMeshopt(bytes, count, element.stride(), filter);
   const char* filters[] = {"NONE", "QUATERNION", "EXPONENTIAL", "EXPONENTIAL"};

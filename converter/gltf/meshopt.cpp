@@ -19,47 +19,57 @@ std::string_view missingMeshopt() {
   return "this program was built without libmeshoptimizer (Debian: libmeshoptimizer-dev)";
 }
 
-int roundToSteps(std::span<std::uint8_t> floats, int exponent) {
-  const auto at = [&](std::size_t i) {
+namespace {
+
+constexpr int kMantissaBits = 24;  // of the filter, with its sign
+
+// Of the steps that a number has: wider where the mantissa has too few bits for it.
+int exponentOf(double number, int exponent) {
+  return number == 0 ? exponent : std::max(exponent, std::ilogb(number) + 3 - kMantissaBits);
+}
+
+}  // namespace
+
+void roundToSteps(std::span<std::uint8_t> floats, int exponent) {
+  for (std::size_t at = 0; at < floats.size(); at += sizeof(float)) {
     float number;
-    std::memcpy(&number, floats.data() + i * sizeof(number), sizeof(number));
-    return static_cast<double>(number);
-  };
-  const std::size_t count = floats.size() / sizeof(float);
-  double most = 0;
-  for (std::size_t i = 0; i < count; ++i) most = std::max(most, std::abs(at(i)));
-  constexpr int bits = 23;  // of the filter's mantissa, without its sign
-  exponent = std::max(exponent, std::ilogb(std::max(most, 1e-30)) + 2 - bits);
-  for (std::size_t i = 0; i < count; ++i) {
-    const double whole = std::nearbyint(std::ldexp(at(i), -exponent)) + 0.0;  // the filter has one zero
-    const auto number = static_cast<float>(std::ldexp(whole, exponent));
-    std::memcpy(floats.data() + i * sizeof(number), &number, sizeof(number));
+    std::memcpy(&number, floats.data() + at, sizeof(number));
+    const int own = exponentOf(number, exponent);
+    const double whole =
+        std::nearbyint(std::ldexp(static_cast<double>(number), -own)) + 0.0;  // the filter has one zero
+    number = static_cast<float>(std::ldexp(whole, own));
+    std::memcpy(floats.data() + at, &number, sizeof(number));
   }
-  return exponent;
 }
 
 #ifdef TG_MESHOPT
 
 namespace {
 
-constexpr int kMantissaBits = 24;  // with its sign
-
 // The codec packs each byte of an element by its difference from the element before. Numbers of few bits therefore
 // stand in the mantissa's highest bytes: below them are zeros, and no byte is a mere sign, which would cost 2 bits.
 void encodeFixed(std::uint8_t* to, std::span<const std::uint8_t> floats, int exponent) {
-  std::vector<std::int32_t> wholes(floats.size() / sizeof(float));
-  std::int32_t most = 0;
-  for (std::size_t i = 0; i < wholes.size(); ++i) {
+  struct Number {
+    std::int32_t whole;
+    int exponent;
+  };
+  std::vector<Number> numbers(floats.size() / sizeof(float));
+  std::int32_t most = 0;  // of those that have no exponent of their own
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
     float number;
     std::memcpy(&number, floats.data() + i * sizeof(number), sizeof(number));
-    wholes[i] = static_cast<std::int32_t>(std::lround(std::ldexp(static_cast<double>(number), -exponent)));
-    most = std::max(most, wholes[i] < 0 ? -(wholes[i] + 1) : wholes[i]);
+    const int own = exponentOf(number, exponent);
+    const auto whole = static_cast<std::int32_t>(std::lround(std::ldexp(static_cast<double>(number), -own)));
+    if (own == exponent) most = std::max(most, whole < 0 ? -(whole + 1) : whole);
+    numbers[i] = {whole, own};
   }
-  int shift = 0;
-  while (shift + 8 < kMantissaBits && most < 1 << (kMantissaBits - 9 - shift)) shift += 8;
-  for (std::size_t i = 0; i < wholes.size(); ++i) {
-    const std::uint32_t mantissa = static_cast<std::uint32_t>(wholes[i]) << shift;
-    const std::uint32_t word = static_cast<std::uint32_t>(exponent - shift) << kMantissaBits | (mantissa & 0xFFFFFFu);
+  int common = 0;
+  while (common + 8 < kMantissaBits && most < 1 << (kMantissaBits - 9 - common)) common += 8;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const int shift = numbers[i].exponent == exponent ? common : 0;
+    const std::uint32_t mantissa = static_cast<std::uint32_t>(numbers[i].whole) << shift;
+    const std::uint32_t word =
+        static_cast<std::uint32_t>(numbers[i].exponent - shift) << kMantissaBits | (mantissa & 0xFFFFFFu);
     std::memcpy(to + i * sizeof(word), &word, sizeof(word));
   }
 }

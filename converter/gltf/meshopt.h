@@ -16,9 +16,9 @@ bool hasMeshopt();
 // "built without libmeshoptimizer ..."
 std::string_view missingMeshopt();
 
-// Finite floats to the nearest multiples of 2^exponent, which the filter `fixed` keeps; of a larger power of 2 where
-// its mantissa has too few bits for the largest of them. The exponent that was used.
-int roundToSteps(std::span<std::uint8_t> floats, int exponent);
+// Finite floats to the nearest multiples of 2^exponent, which the filter `fixed` keeps; those that its mantissa has too
+// few bits for, to multiples of larger powers of 2, each of its own.
+void roundToSteps(std::span<std::uint8_t> floats, int exponent);
 
 // `bytes`: count elements of `stride` (a multiple of 4, at most 256) bytes each. With a filter, `bytes` are floats:
 // 4 a quaternion x y z w (packed as 4 normalised shorts), or any number of them; with `fixed` rounded already. Throws

@@ -15,6 +15,7 @@ namespace {
 
 constexpr int kBandRows = 8;                // [px] a thread's work
 constexpr float kMostAlpha = 0.995f;        // of a derivative, which divides by what is left
+constexpr float kLeastLeft = 1e-5f;         // transmittance below which a derivative ends, before divisions overflow
 constexpr float kLeastSlope = 1e-6f;        // [1/px]
 constexpr float kLeastDeterminant = 1e-6f;  // [px^4]
 
@@ -129,6 +130,7 @@ double deriveBand(std::span<const AffineSplat> seen, std::span<const std::uint32
     const float end_alpha = alphaOf(splat, falloff, std::exp(-falloff.exponent));
     forEachBoxPixel(splat, top, bottom, [&](int x, int y, float u, float v) {
       Pixel& pixel = pixelAt(x, y);
+      if (pixel.transmittance < kLeastLeft) return;
       // The inverse covariance times the offset.
       const glm::vec2 w = 2.0f * falloff.exponent * (u * splat.axis_u + v * splat.axis_v);
       const glm::vec3 square(w.x * w.x, 2.0f * w.x * w.y, w.y * w.y);

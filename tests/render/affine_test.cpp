@@ -146,3 +146,23 @@ TEST_CASE("the affine picture's derivative is the quotient of differences") {
     }
   }
 }
+
+TEST_CASE("the affine picture's derivative ends where nothing shows through") {
+  GaussianModel model;
+  for (int k = 0; k < 300; ++k) addBall(model, {0, 0, 10}, {0.5f, 0.5f, 0.5f}, 0.999f);
+  const Camera camera = cameraAtOrigin();
+  for (const SplatViewer viewer : valuesOf<SplatViewer>()) {
+    CAPTURE(name(viewer));
+    const std::vector<AffineSplat> seen = seenSplats(keepSplats(model, viewer, false), viewer, {camera});
+    std::vector<AffineGradient> gradients;
+    affineLoss(seen, viewer, {camera}, glm::vec3(0.1f), Image(kSide, kSide, 3, 0.3f), gradients);
+    REQUIRE(gradients.size() == 300);
+    CHECK(std::abs(gradients.back().color.x) > 0);  // the foremost
+    CHECK(std::abs(gradients[0].color.x) < std::abs(gradients.back().color.x));
+    for (const AffineGradient& gradient : gradients) {
+      REQUIRE(std::isfinite(glm::dot(gradient.color, gradient.color) + gradient.opacity));
+      REQUIRE(std::isfinite(glm::dot(gradient.covariance, gradient.covariance)));
+      REQUIRE(std::isfinite(glm::dot(gradient.center, gradient.center)));
+    }
+  }
+}
