@@ -5,7 +5,7 @@
     bench/frontier.py run    --data DATA --work WORK [--only GLOB]...
     bench/frontier.py again  --data DATA --work WORK [--only GLOB]...   files of done cells whose models WORK keeps
     bench/frontier.py frames --work WORK [--only GLOB]...     processor milliseconds a frame of what is done
-    bench/frontier.py list   [--only GLOB]...         every cell, and whether it is done
+    bench/frontier.py list   [--only GLOB]...         every cell, and whether it is done, or its files cut only
     bench/frontier.py report                          docs/frontier.md and docs/images/frontier.svg from the cells
 
 A cell is SCENE/GAUSSIANS/shDEGREE/ARM/SEED: stage 1 to so many Gaussians, then as many iterations again of the arm:
@@ -22,7 +22,6 @@ import fnmatch
 import itertools
 import json
 import math
-import os
 import pathlib
 import statistics
 import subprocess
@@ -30,8 +29,9 @@ import sys
 
 import svg_plot
 from report_document import Code, Heading, Items, Table, Text, markdown
-from report_trials import student
-from reproduce import FRAMES, LENGTH, ROOT, SWAPPED, Locks, Scene, alone, commit, machine, side_by_side
+from report_trials import NUMBER, Broken, at, check_frames, check_name, parsed, require, student
+from reproduce import (FRAMES, LENGTH, ROOT, SWAPPED, Locks, Scene, add_frame, alone, commit, frames_in, machine,
+                       side_by_side, write)
 from reproduce import SCENES as TRIALS
 
 CELLS = ROOT / "docs/lab/frontier"
@@ -53,6 +53,8 @@ STEPS = [1, 2, 3, 4, 6, 8]
 TRAINED = [2, 4, 8]  # steps of the files that are trained for
 QUANTIZE = 2 * LENGTH // 10  # iterations, as tgtrain's own choice
 CODEC = 2  # of the files: 1 before Gaussians stood along a Hilbert curve with renamed axes; a cell names its own
+# Bytes that its files take beside those of codec 1 (docs/lab/converter.md, "SOG"), by whether there are textures.
+OF_OLD_BYTES = {False: 0.97, True: 0.99}
 TEXTURED_COUNTS = 3  # with textures, that a seed has for the differences over the whole range
 SIDE = 8  # [texels] of the textures that are cut
 FRAME_SCALE = 4  # pixels a side of frames that are timed, for each of the photographs' at half size
@@ -61,6 +63,11 @@ COMMAND = "command"
 COMMAND_SIZES = {**{scene: ["25KB", "150KB"] for scene in ("fox", "lego", "printshop")},
                  **{scene: ["250KB", "500KB"] for scene in FULL}, "lego800": ["1000KB"]}
 COMMAND_ARMS = {"plain": "none", "rgba": "rgba"}  # and the texture mode
+# What a report must hold.
+SCORES = {"gaussians": NUMBER, "texels": NUMBER, "psnr": NUMBER, "ssim": NUMBER, "flip": NUMBER}
+FILE = {"bytes": NUMBER, **SCORES}
+# Reports from before training.json was kept with the scores.
+UNRECORDED = {f"{COMMAND}/{scene}/250KB/rgba/1" for scene in ("lego-full", "printshop-full")}
 LINES = [("without textures", "twin"), ("with textures", "rgba")]
 
 
@@ -94,7 +101,7 @@ def is_shared(name):
 
 class Driver:
     def __init__(self, options):
-        self.options, self.locks = options, Locks()
+        self.options, self.locks = options, Locks(options.work)
 
     def call(self, scene, program, *arguments):
         command = [self.options.bin / program, *arguments, "--threads", self.options.threads]
@@ -103,8 +110,9 @@ class Driver:
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
 
     @alone
-    def train(self, run, scene, *flags):
+    def train(self, name, scene, *flags):
         """The model in the run folder, finished."""
+        run = self.options.work / name
         done = run / "done"
         if not done.exists() or not (run / "model.tgz").exists():
             run.parent.mkdir(parents=True, exist_ok=True)
@@ -116,18 +124,28 @@ class Driver:
             done.touch()
         return run / "model.tgz"
 
+    @alone
     def run(self, name):
-        path = self.options.cells / f"{name}.json"
+        path, model = self.options.cells / f"{name}.json", self.options.work / name / "model.tgz"
         report = json.loads(path.read_text()) if path.exists() else {}
         if "trained" in report or (is_command(name) and report):
             print(f"{name}: done already (expected --cells FOLDER and a WORK of its own to make it again)",
                   file=sys.stderr)
             return
+        if report and self.options.cut:
+            return
+        if report and not model.exists():
+            sys.exit(f"{path}: its files are cut from a model that is not {model} (expected --cut, or the cell removed "
+                     "to make it again)")
         print(name, file=sys.stderr, flush=True)
         if is_command(name):
             write(path, self.command(name))
             return
-        if not report:
+        if report:
+            check_same(model, report)
+            self.again(name)  # so that all files are of one codec
+            report = json.loads(path.read_text())
+        else:
             report = self.cut(name)
             write(path, report)
         if not self.options.cut:
@@ -138,9 +156,8 @@ class Driver:
         """The cell's, trained if it is not there."""
         scene, count, degree, arm, seed = name.split("/")
         common = ["--sh-degree", degree[2:], "--seed", seed]
-        start = self.train(self.options.work / scene / count / degree / f"start-{seed}", scene, *SCENES[scene].flags,
-                           *common, "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count,
-                           *SWAPPED)
+        start = self.train(f"{scene}/{count}/{degree}/start-{seed}", scene, *SCENES[scene].flags, *common,
+                           "--iterations", LENGTH, "--texture-mode", "none", "--gaussians", count, *SWAPPED)
         if arm == "plain":
             flags = ["--iterations", LENGTH, "--densification", "none", "--texture-mode", "none"]
         elif is_shared(name):
@@ -151,7 +168,7 @@ class Driver:
             mode, texels = arm.split("-")
             flags = ["--iterations", 0, "--texture-iterations", LENGTH, "--texture-mode", mode, "--texture-size", SIDE,
                      "--adaptive-texels", texels]
-        return self.train(self.options.work / name, scene, "--start-model", start, *common, *flags)
+        return self.train(name, scene, "--start-model", start, *common, *flags)
 
     def command(self, name):
         _, scene, size, arm, seed = name.split("/")
@@ -188,15 +205,15 @@ class Driver:
             files.append({"steps": steps, "bytes": file.stat().st_size, **self.score(scene, file, run)})
         return files
 
+    @alone
     def again(self, name):
         """Cuts a done cell's model again, if it is there and its files are of an older codec."""
         path, run = self.options.cells / f"{name}.json", self.options.work / name
         report = json.loads(path.read_text()) if path.exists() else {}
-        if not report or report.get("codec", 1) >= CODEC or not (run / "model.tgz").exists():
+        if not report or codec_of(report) >= CODEC or not (run / "model.tgz").exists():
             return
         print(name, file=sys.stderr, flush=True)
-        if training_of(run / "model.tgz") != report["training"]:
-            sys.exit(f"{run}: another model than the cell's")
+        check_same(run / "model.tgz", report)
         files = self.files(name.split("/")[0], run / "model.tgz", run)
         write(path, {**{key: value for key, value in report.items() if key != "trained"}, "codec": CODEC,
                      "files": files})
@@ -216,23 +233,23 @@ class Driver:
                           **self.score(scene, file, run)})
         return files
 
+    @alone
     def frames(self, name):
         """Times the cell's model from its first camera; frames.json beside the cells holds what was timed."""
-        cells = self.options.cells
-        model, cell, timed = self.options.work / name / "model.tgz", cells / f"{name}.json", frames_in(cells)
-        if name in timed or not (model.exists() and cell.exists()):
+        cells, run = self.options.cells, self.options.work / name
+        model, cell, measured = run / "model.tgz", cells / f"{name}.json", run / "frames.json"
+        if name in frames_in(cells) or not (model.exists() and cell.exists()):
             return
         print(name, file=sys.stderr, flush=True)
         dataset = json.loads(cell.read_text())["training"]["dataset"]
         scale = FRAME_SCALE // 2 if name.split("/")[0] in FULL else FRAME_SCALE
         size = f"{scale * dataset['width']}x{scale * dataset['height']}"
-        measured = self.options.work / "frames.partial"
         command = [self.options.bin / "render_bench", model, "--backend", "cpu", "--threads", self.options.threads,
                    "--size", size, "--frames", FRAMES, "--frames-only", "--json", measured]
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
         frame = json.loads(measured.read_text())
-        write(cells / "frames.json", {**timed, name: {"ms": frame["processor_ms"],
-                                                      **{key: frame[key] for key in ("device", "width", "height")}}})
+        add_frame(cells, name, {"ms": frame["processor_ms"],
+                                **{key: frame[key] for key in ("device", "width", "height")}})
 
     def score(self, scene, model, run, *flags):
         self.call(scene, "tgeval", model, self.options.data / SCENES[scene].folder, "--json", run / "eval.json",
@@ -241,25 +258,39 @@ class Driver:
         return {key: scores[key] for key in ("gaussians", "texels", "psnr", "ssim", "flip")}
 
 
-def write(path, report):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(report, indent=1) + "\n")
-    os.replace(partial, path)
+def check_same(model, report):
+    """That the cell's files were cut from this model, so that more of them belong beside."""
+    if training_of(model) != report["training"]:
+        sys.exit(f"{model}: not the model of {report['cell']} (expected that, or the cell removed to make it again)")
 
 
-def of_others(found):
+def of_others(found, commanded):
     """What the report says of cells that were made otherwise than they would be now: "note" names how."""
     notes = [report["note"] for report in found.values() if "note" in report]
     text = "".join(f" {notes.count(note)} cells are of {note}." for note in sorted(set(notes)))
-    old = sum(report.get("codec", 1) < CODEC for report in found.values())
+    old = sum(codec_of(report) < CODEC for report in found.values())
     if old:
-        text += (f" Files of {old} cells are larger than the same models' would be now, plain ones by 2 to 4 %, those "
-                 "with textures by about 1 % ([lab/converter.md](lab/converter.md#sog)): beside them textures gain up "
-                 "to 0.1 dB less.")
-    return text + (" Their counts are kept by `--limit-by swap`: with merged ones, which `--target-size` makes now, its "
-                   "files are up to 1.1 dB better, with textures and without ([lab/quality.md](lab/quality.md"
-                   "#textures-that-gaussians-share)).")
+        text += (f" Files of {old} cells are of codec 1, larger than the same models' would be now, plain ones by 2 to "
+                 "4 %, those with textures by about 1 % ([lab/converter.md](lab/converter.md#sog)).")
+    beside = [report["psnr"] - plotted for name, report in commanded.items()
+              if (plotted := plotted_beside(found, name, report["bytes"])) is not None]
+    if beside:
+        text += (" Files by one command (below) lie between %+.1f and %+.1f dB beside the first seed's hull of cut "
+                 "files of their arm at the same bytes (%d of %d files, where it reaches so far), with textures and without: "
+                 "their Gaussians are merged from up to four times as many, where these cells keep their counts by "
+                 "`--limit-by swap`; they are trained for the file (stage 3); and they are of codec %d." % (
+                     min(beside), max(beside), len(beside), len(commanded), CODEC))
+    return text
+
+
+def codec_of(report):
+    return report.get("codec", 1)
+
+
+def plotted_beside(found, command, size):
+    """PSNR of the first seed's hull of the arm that the command has, None where there is none of so many bytes."""
+    _, scene, _, arm, _ = command.split("/")
+    return height(hull(points(found, scene, SEEDS[0], arm != "plain", False)), size)
 
 
 def training_of(model):
@@ -269,18 +300,47 @@ def training_of(model):
 # ---- The report
 
 
-def done_cells(folder, names):
-    found = {}
-    for name in names:
-        path = folder / f"{name}.json"
-        if path.exists():
-            found[name] = json.loads(path.read_text())
-    return found
+def done_cells(folder):
+    """Cells and what one command makes, {name: report} each, in the order of their names' lists."""
+    read, names, wrong = {}, [*cells(), *commands()], []
+    for path in sorted(folder.rglob("*.json")):
+        name = path.relative_to(folder).with_suffix("").as_posix()
+        try:
+            report = parsed(path)
+            if name == "frames":
+                check_frames(report, names, "bench/frontier.py")
+            elif name not in names:
+                raise Broken("no cell of bench/frontier.py has this name")
+            else:
+                read[name] = checked(name, report)
+        except Broken as problem:
+            wrong.append(f"{path}: {problem}")
+    if wrong:
+        raise Broken("\n".join(wrong))
+    return [{name: read[name] for name in of if name in read} for of in (cells(), commands())]
 
 
-def frames_in(folder):
-    path = folder / "frames.json"
-    return json.loads(path.read_text()) if path.exists() else {}
+def checked(name, report):
+    """The report, which holds all that its tables are made of."""
+    require(report, {"commit": str, "machine.processor": str, "machine.cores": NUMBER})
+    check_name(report, name)
+    if name not in UNRECORDED:
+        require(report, {"device": str, "seconds": NUMBER}, "training.machine.")
+        if at(report, "training", "interrupted"):
+            raise Broken("the run was interrupted")
+    if is_command(name):
+        require(report, FILE)
+        if name.split("/")[3] != "plain":
+            require(report, SCORES, "base.")
+        return report
+    require(report, SCORES, "model.")
+    for kind, steps in {"files": STEPS, **({"trained": TRAINED} if "trained" in report else {})}.items():
+        require(report, {kind: list})
+        for file in report[kind]:
+            require({kind: file}, {"steps": NUMBER, **FILE}, f"{kind}.")
+        if [file["steps"] for file in report[kind]] != steps:
+            raise Broken(f"{kind} are not of steps {', '.join(map(str, steps))}")
+    return report
 
 
 def cells_of(found, scene, seed):
@@ -297,10 +357,15 @@ def files(cell, trained):
     return [file for file in cell["files"] if file["steps"] == 1] + cell["trained"] if trained else cell["files"]
 
 
-def points(found, scene, seed, textured, trained, measure="psnr"):
-    """(bytes, score, cell, file) of every file of the scene's arm; a greater score is a better one."""
+def points(found, scene, seed, textured, trained, measure="psnr", as_now=False):
+    """(bytes, score, cell, file) of every file of the scene's arm; a greater score is a better one. as_now: bytes of an
+    older codec as the newest would take."""
     sign = -1 if measure == "flip" else 1
-    return [(file["bytes"], sign * file[measure], name, file) for name in cells_of(found, scene, seed)
+
+    def size(name, file):
+        return file["bytes"] * (OF_OLD_BYTES[textured] if as_now and codec_of(found[name]) < CODEC else 1)
+
+    return [(size(name, file), sign * file[measure], name, file) for name in cells_of(found, scene, seed)
             if ("/plain/" not in name) == textured for file in files(found[name], trained)]
 
 
@@ -388,9 +453,13 @@ def prices(found):
     return rows
 
 
-def hulls(found, scene, trained, measure="psnr"):
+def codecs(found, scene, seed):
+    return ", ".join(str(codec) for codec in sorted({codec_of(found[name]) for name in cells_of(found, scene, seed)}))
+
+
+def hulls(found, scene, trained, measure="psnr", as_now=False):
     """{seed: (without textures, with)} of the seeds that are whole and have both."""
-    both = {seed: [hull(points(found, scene, seed, arm, trained, measure)) for arm in (False, True)]
+    both = {seed: [hull(points(found, scene, seed, arm, trained, measure, as_now)) for arm in (False, True)]
             for seed in whole_seeds(found, scene, trained)}
     return {seed: pair for seed, pair in both.items() if all(pair)}
 
@@ -406,44 +475,61 @@ def over_seeds(values, form):
     return text
 
 
+def textured_counts(found, scene, seed):
+    return {count for count in COUNTS[scene] for arm in ARMS
+            if arm != "plain" and f"{scene}/{count}/sh1/{arm}/{seed}" in found}
+
+
 def spread(found, scene, seed):
     """Whether textures have the counts of a hull: far from its counts one of a single count is not the best choice."""
-    counts = {count for count in COUNTS[scene] for arm in ARMS
-              if arm != "plain" and f"{scene}/{count}/sh1/{arm}/{seed}" in found}
-    return len(counts) >= TEXTURED_COUNTS
+    return len(textured_counts(found, scene, seed)) >= TEXTURED_COUNTS
+
+
+def by_codec(found, scene, values):
+    """{codecs of its cells: {seed: value}}: what was written otherwise is no sample of the same."""
+    groups = {}
+    for seed, value in values.items():
+        groups.setdefault(codecs(found, scene, seed), {})[seed] = value
+    return groups
 
 
 def whole_range(found):
     rows = []
     for scene, trained in itertools.product(COUNTS, (False, True)):
-        def of_range(measure="psnr"):
-            return {seed: pair for seed, pair in hulls(found, scene, trained, measure).items()
+        def of_range(measure="psnr", as_now=False):
+            return {seed: pair for seed, pair in hulls(found, scene, trained, measure, as_now).items()
                     if spread(found, scene, seed)}
 
-        both = of_range()
-        if not both:
-            continue
-        spans = [span for pair in both.values() if (span := common(*pair, 0))]
-        rates = [over_seeds([100 * change for pair in of_range(measure).values()
-                             if (change := rate(*pair)) is not None], "{:+.1f}")
-                 for measure in ("psnr", "ssim", "flip")]
-        rows.append([scene, "trained for" if trained else "cut", ", ".join(str(seed) for seed in both),
-                     f"{min(s[0] for s in spans) / 1000:,.0f} to {max(s[-1] for s in spans) / 1000:,.0f} kB"
-                     if spans else "-",
-                     over_seeds([gain for pair in both.values() if (gain := mean_gain(*pair)) is not None], "{:+.2f}"),
-                     *rates])
+        def row(codec, seeds, as_now):
+            both = [of_range(as_now=as_now)[seed] for seed in seeds]
+            spans = [span for pair in both if (span := common(*pair, 0))]
+            rates = [over_seeds([100 * change for seed in seeds
+                                 if (change := rate(*of_range(measure, as_now)[seed])) is not None], "{:+.1f}")
+                     for measure in ("psnr", "ssim", "flip")]
+            return [scene, "trained for" if trained else "cut", codec, ", ".join(map(str, seeds)),
+                    f"{min(s[0] for s in spans) / 1000:,.0f} to {max(s[-1] for s in spans) / 1000:,.0f} kB"
+                    if spans else "-",
+                    over_seeds([gain for pair in both if (gain := mean_gain(*pair)) is not None], "{:+.2f}"), *rates]
+
+        whole = of_range()
+        rows += [row(codec, seeds, False) for codec, seeds in by_codec(found, scene, whole).items()]
+        if any(codecs(found, scene, seed) != str(CODEC) for seed in whole):
+            rows.append(row(f"as {CODEC}", whole, True))
     return rows
 
 
 def by_size(found):
     rows = []
     for scene, trained, size in itertools.product(COUNTS, (False, True), SIZES):
-        ends = [[height(chain, 1000 * size) for chain in pair] for pair in hulls(found, scene, trained).values()]
-        ends = [pair for pair in ends if None not in pair]
-        if ends:
-            rows.append([scene, "trained for" if trained else "cut", f"{size} kB", str(len(ends)),
-                         *(f"{statistics.fmean(column):.2f}" for column in reversed(list(zip(*ends)))),
-                         over_seeds([textured - plain for plain, textured in ends], "{:+.2f}")])
+        ends = {seed: [height(chain, 1000 * size) for chain in pair]
+                for seed, pair in hulls(found, scene, trained).items()}
+        ends = {seed: pair for seed, pair in ends.items() if None not in pair}
+        for codec, pairs in by_codec(found, scene, ends).items():
+            counts = {len(textured_counts(found, scene, seed)) for seed in pairs}
+            rows.append([scene, "trained for" if trained else "cut", codec, f"{size} kB",
+                         ", ".join(map(str, pairs)), " to ".join(map(str, sorted({min(counts), max(counts)}))),
+                         *(f"{statistics.fmean(column):.2f}" for column in reversed(list(zip(*pairs.values())))),
+                         over_seeds([textured - plain for plain, textured in pairs.values()], "{:+.2f}")])
     return rows
 
 
@@ -451,6 +537,12 @@ def least(commanded):
     """Of what a file takes of the size that it was asked for [%]."""
     shares = [report["bytes"] / (1000 * int(name.split("/")[2].removesuffix("KB"))) for name, report in commanded.items()]
     return f"{math.floor(1000 * min(shares)) / 10:.1f}" if shares else "-"
+
+
+def unrecorded(commanded):
+    names = [f"`{name}`" for name, report in commanded.items() if "training" not in report]
+    if names:
+        yield Text(f"Of {' and '.join(names)} scores, commit and machine were kept, but no record of the training.")
 
 
 def by_command(commanded):
@@ -492,6 +584,10 @@ def frame_times(found, timed):
              over_seeds([100 * (ms / plain - 1) for _, ms, plain in of], "{:+.0f}")] for cell, of in seeds.items()]
 
 
+def shrunk(textured):
+    return f"{100 * (1 - OF_OLD_BYTES[textured]):.0f}"
+
+
 def arm_of(name):
     _, count, degree, arm, _ = name.split("/")
     kind, _, number = arm.partition("-")
@@ -508,7 +604,10 @@ def texels_each(name, scores):
 
 
 def report(folder, page, picture):
-    found, commanded = done_cells(folder, cells()), done_cells(folder, commands())
+    try:
+        found, commanded = done_cells(folder)
+    except Broken as problem:
+        sys.exit(str(problem))
     if not found:
         sys.exit(f"{folder}: no cell is done")
     blocks = [
@@ -526,18 +625,23 @@ def report(folder, page, picture):
         Text(f"{len(found)} of {len(cells())} cells are done. Photographs are at half size, those of -full scenes "
              "at their own (lego 400 x 400, fox 270 x 480, printshop 400 x 400). sample is the scene that "
              "`tgtrain make-sample` writes. Seeds beyond the first, and -full scenes, are of SH degree 1 and not of "
-             f"every arm.{of_others(found)} One cell again:"),
+             f"every arm.{of_others(found, commanded)} One cell again:"),
         Code("bench/frontier.py run --data DATA --work WORK --cells AGAIN --only fox/1700/sh1/rgba-8/1"),
         Heading("With textures against without, over the whole range"),
         Text("Bjontegaard's differences between the two hulls, integrated exactly between their corners: PSNR gained "
              "over the sizes that both have, in the logarithm of bytes; and the bytes that textures take more at equal "
              "PSNR, SSIM and FLIP, over the scores that both have: less than 0 is better. Mean over seeds +- its 95 % "
              "confidence interval (Student's t), of those seeds that have cells of SH degree 1 at every count without "
-             f"textures, and at {TEXTURED_COUNTS} counts or more with them."),
-        Table(["scene", "files", "seeds", "sizes", "gain [dB]", "bytes at equal PSNR [%]", "at equal SSIM [%]",
+             f"textures, and at {TEXTURED_COUNTS} counts or more with them; one seed has no interval. A hull takes the "
+             "best files by the test views that they are scored on, of either arm. \"as 2\": bytes of files of codec 1 "
+             f"taken as {shrunk(False)} % fewer without textures and {shrunk(True)} % fewer with, about what codec "
+             f"{CODEC} would write."),
+        Table(["scene", "files", "codec", "seeds", "sizes", "gain [dB]", "bytes at equal PSNR [%]", "at equal SSIM [%]",
                "at equal FLIP [%]"], whole_range(found)),
-        Text("The same at some sizes [dB], of seeds with fewer counts with textures, too:"),
-        Table(["scene", "files", "bytes", "seeds", "with textures", "without textures", "gain"], by_size(found)),
+        Text("The same at some sizes [dB], of seeds with fewer counts with textures, too: far from its counts one or "
+             "two of them are not at their best."),
+        Table(["scene", "files", "codec", "bytes", "seeds", "counts with textures", "with textures", "without textures",
+               "gain"], by_size(found)),
         Heading("By one command"),
         Text("What a user gets who names bytes and leaves the rest to the program; scores are PSNR / SSIM / FLIP of the "
              f"files, means over seeds, the gain +- its 95 % confidence interval. Files have {least(commanded)} % of "
@@ -547,11 +651,12 @@ def report(folder, page, picture):
              "tgtrain lego_400 --downscale 2 --start random -o scene.sog --target-size 25KB --texture-mode rgba"),
         Table(["scene", "size", "seeds", "Gaussians without textures", "with", "without textures", "with", "gain [dB]",
                "base"], by_command(commanded)),
+        *unrecorded(commanded),
         Heading("The files on the hull")]
     rows, pictures = [], []
     for scene in COUNTS:
         trained = all_trained(found, scene, SEEDS[0])
-        if scene in FULL and SEEDS[0] not in whole_seeds(found, scene, trained):
+        if scene in FULL and not (SEEDS[0] in whole_seeds(found, scene, trained) and spread(found, scene, SEEDS[0])):
             continue  # of few counts: a gap would make the other arm look better
         plain, textured = (hull(points(found, scene, SEEDS[0], arm, trained)) for arm in (False, True))
         for size, psnr, name, file in textured:
@@ -563,7 +668,8 @@ def report(folder, page, picture):
                  for (label, style), chain in zip(LINES, (plain, textured))]
         pictures.append(svg_plot.plot(scene, lines, "kB", "PSNR [dB]"))
     blocks += [Text("The files on the first seed's textured hull, as in the plot; the plain hull between its files at "
-                    "the same bytes, \"-\" where it has none as large."),
+                    "the same bytes, \"-\" where it has none as large. Table and plot leave out -full scenes with "
+                    f"fewer than {TEXTURED_COUNTS} counts with textures."),
                Table(["scene", "bytes", "with textures", "texels a Gaussian", "steps", "PSNR", "without textures",
                       "gain"], rows),
                Heading("When a texel pays"),
@@ -594,6 +700,14 @@ def report(folder, page, picture):
                                                                 if machine_of(c) == name})) for name in machines))
     page.write_text(markdown("The best picture per byte", blocks))
     picture.write_text(standalone(pictures))
+
+
+def state_of(cell):
+    path = cell.with_name(cell.name + ".json")
+    if not path.exists():
+        return "missing"
+    report = json.loads(path.read_text())
+    return "done" if "trained" in report or is_command(report["cell"]) else "cut only"
 
 
 def scores_of(cell):
@@ -650,7 +764,7 @@ def main():
         parser.error(f"no cell is named {' or '.join(options.only)} (see list)")
     if options.verb == "list":
         for name in chosen:
-            print("done   " if (options.cells / f"{name}.json").exists() else "missing", name)
+            print(f"{state_of(options.cells / name):8} {name}")
         return
     if not options.work or (options.verb in ("run", "again") and not options.data):
         parser.error("expected " + ("--work" if options.verb == "frames" else "--data and --work"))

@@ -24,6 +24,8 @@ import subprocess
 import tempfile
 import time
 
+from reproduce import write
+
 
 def run(command):
     """Processor and wall milliseconds and peak resident MiB of a process and those it waited for."""
@@ -103,7 +105,7 @@ def main():
                     sample = frame_cost(template, {"ply": scene, "width": width, "height": height}, options.frames)
                     row.setdefault(name, []).append(sample)
                     if options.json:
-                        options.json.write_text(json.dumps(rows, indent=1) + "\n")
+                        write(options.json, rows)
     print_table(rows)
 
 

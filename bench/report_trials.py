@@ -52,7 +52,7 @@ class Trials:
             try:
                 report = parsed(path)
                 if name == "frames":
-                    self.check_frames(report)
+                    check_frames(report, self.cells, "bench/reproduce.py")
                 else:
                     self.done[name] = self.checked(name, report)
             except Broken as problem:
@@ -72,22 +72,11 @@ class Trials:
             if "--compare-untextured" in cell.flags:
                 parts |= {"training.stages.untextured.": STAGE, "untextured.": EVALUATED}
         for part, places in parts.items():
-            for place, kind in places.items():
-                value = at(report, *(part + place).split("."))
-                if not isinstance(value, kind) or kind is NUMBER and not math.isfinite(value):
-                    raise Broken(f"{part}{place} is {json.dumps(value)} (expected {WORDS[kind]})")
-        if at(report, "cell") != name:
-            raise Broken(f"cell is {json.dumps(at(report, 'cell'))} (expected the file's own, {name})")
+            require(report, places, part)
+        check_name(report, name)
         if any(at(report, part, "interrupted") for part in ("training", "evaluation", "untextured")):
             raise Broken("the run was interrupted")
         return report
-
-    def check_frames(self, frames):
-        for name, frame in frames.items():
-            if name not in self.cells:
-                raise Broken(f"{name} is no cell of bench/reproduce.py")
-            if not isinstance(at(frame, "ms"), NUMBER) or not isinstance(at(frame, "device"), str):
-                raise Broken(f"{name} lacks a number ms or a text device")
 
     def get(self, name):
         assert name in self.cells, name
@@ -99,6 +88,29 @@ class Trials:
 
     def shares(self, scene):
         return [share for share in SHARES if f"{scene}/{share:03}/rgba/1" in self.cells]
+
+
+def require(report, places, part=""):
+    """That something of its kind lies at each of the places, {keys with dots between: kind}, all of them under part."""
+    for place, kind in places.items():
+        value = at(report, *(part + place).split("."))
+        if not isinstance(value, kind) or isinstance(value, bool) or kind is NUMBER and not math.isfinite(value):
+            raise Broken(f"{part}{place} is {json.dumps(value)} (expected {WORDS[kind]})")
+        if value == "":
+            raise Broken(f"{part}{place} is empty")
+
+
+def check_name(report, name):
+    if at(report, "cell") != name:
+        raise Broken(f"cell is {json.dumps(at(report, 'cell'))} (expected the file's own, {name})")
+
+
+def check_frames(frames, cells, driver):
+    for name, frame in frames.items():
+        if name not in cells:
+            raise Broken(f"{name} is no cell of {driver}")
+        if not isinstance(at(frame, "ms"), NUMBER) or not isinstance(at(frame, "device"), str):
+            raise Broken(f"{name} lacks a number ms or a text device")
 
 
 def parsed(path):

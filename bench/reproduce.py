@@ -11,13 +11,14 @@
 A cell is one training and its evaluation; SCENE/SHARE/TEXTURES/SEED on the test views, choice/... on every 8th of the
 training views. One that is done leaves docs/lab/trials/CELL.json. A call runs what is missing, in order, and may be
 stopped at any moment: WORK keeps the run folders, and the same call goes on. --jobs N runs N cells at a time: small
-scenes leave a GPU room for others. Two calls may run side by side where their --only names different scenes. DATA holds
+scenes leave a GPU room for others. Two calls may share WORK: what one of them is at, the other waits for. DATA holds
 the scene folders named below. --iterations and --downscale make smaller trials, for trying the driver, and write them to
 WORK/trials instead.
 """
 import argparse
-import collections
 import concurrent.futures
+import contextlib
+import fcntl
 import fnmatch
 import functools
 import json
@@ -201,17 +202,52 @@ def side_by_side(run, names, jobs):
         sys.exit(f"{len(failures)} of {len(names)} failed: {', '.join(name for name in names if name in failures)}")
 
 
-class Locks:
-    """A lock a name: what several cells begin with is trained by one of them, and the others wait. What failed is not
-    tried again for them."""
+@contextlib.contextmanager
+def held(file):
+    """Holds a file, or a folder, against other processes that do so, too."""
+    handle = os.open(file, os.O_RDONLY | (0 if file.is_dir() else os.O_CREAT), 0o666)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
-    def __init__(self):
-        self.guard, self.locks = threading.Lock(), collections.defaultdict(threading.RLock)
-        self.failed = {}
+
+class Lock:
+    """Of one thread of all processes that name the same file, as often as it likes."""
+
+    def __init__(self, file):
+        self.file, self.threads, self.depth = file, threading.RLock(), 0
+
+    def __enter__(self):
+        self.threads.acquire()
+        try:
+            if not self.depth:
+                self.file.parent.mkdir(parents=True, exist_ok=True)
+                self.held = held(self.file)
+                self.held.__enter__()
+            self.depth += 1
+        except BaseException:
+            self.threads.release()
+            raise
+
+    def __exit__(self, *_):
+        self.depth -= 1
+        if not self.depth:
+            self.held.__exit__(None, None, None)
+        self.threads.release()
+
+
+class Locks:
+    """A lock a name, WORK/NAME.lock: what several cells begin with is trained by one of them, and the others wait, also
+    those of another call. What failed is not tried again for them."""
+
+    def __init__(self, work):
+        self.work, self.guard, self.locks, self.failed = work, threading.Lock(), {}, {}
 
     def __getitem__(self, name):
         with self.guard:
-            return self.locks[name]
+            return self.locks.setdefault(name, Lock(self.work / f"{name}.lock"))
 
 
 def alone(method):
@@ -232,7 +268,7 @@ def alone(method):
 
 class Driver:
     def __init__(self, options):
-        self.options, self.locks = options, Locks()
+        self.options, self.locks = options, Locks(options.work)
         whole = options.iterations == LENGTH and options.downscale == 1
         self.trials = options.trials if whole else options.work / "trials"
         self.cells = cells(options.iterations)
@@ -283,7 +319,7 @@ class Driver:
         begun = commit()
         self.call(cell, "tgtrain", *cell.scene.flags, "--device", self.options.device, "--run", run, "--resume", "-q",
                   "--metrics-every", "0", "--checkpoint-every", CHECKPOINTS[self.options.device], *flags)
-        (run / "done").write_text(begun)
+        write_text(run / "done", begun)
         return run
 
     def whole(self, name):
@@ -309,9 +345,12 @@ class Driver:
 
     def write(self, name, run):
         cell = self.cells[name]
+        trained_by = (run / "done").read_text()
+        if not trained_by:
+            sys.exit(f"{run / 'done'}: empty (expected the commit that trained it: write it, or remove the folder)")
         training = json.loads(subprocess.run(["tar", "xzOf", run / "model.tgz", "training.json"], check=True,
                                              capture_output=True).stdout)
-        report = {"cell": name, "commit": (run / "done").read_text(), "machine": machine(), "training": training}
+        report = {"cell": name, "commit": trained_by, "machine": machine(), "training": training}
         if not cell.choice:
             report["evaluation"] = self.evaluate(cell, run / "model.tgz")
         if "--compare-untextured" in cell.flags and not cell.choice:
@@ -321,13 +360,11 @@ class Driver:
                 scores = self.evaluate(cell, run / "model.tgz", "--outside", treatment)
                 report["outside"][treatment] = {metric: scores[metric] for metric in ("psnr", "ssim", "flip")}
         path = self.trials / f"{name}.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
         if cell.picture:
+            path.parent.mkdir(parents=True, exist_ok=True)
             stage = "textured" if cell.start else "plain"
             shutil.copyfile(run / f"previews/{stage}_{self.options.iterations:07}.png", path.with_suffix(".png"))
-        partial = path.with_suffix(".partial")
-        partial.write_text(json.dumps(report, indent=1) + "\n")
-        os.replace(partial, path)
+        write(path, report)
         return report
 
     def evaluate(self, cell, model, *more):
@@ -339,21 +376,20 @@ class Driver:
         del report["views"]
         return report
 
+    @alone
     def frames(self, name):
         """Times the cell's model from its first camera; docs/lab/trials/frames.json holds what was timed."""
-        path = self.trials / "frames.json"
-        timed = json.loads(path.read_text()) if path.exists() else {}
-        model, scores = self.options.work / name / "model.tgz", self.options.work / "frames.partial"
-        if name in timed or not model.exists():
+        run = self.options.work / name
+        model, scores = run / "model.tgz", run / "frames.json"
+        if not model.exists() or name in frames_in(self.trials):
             return
         print(name, file=sys.stderr, flush=True)
         command = [self.options.bin / "render_bench", model, "--backend", "cpu", "--threads", self.options.threads,
                    "--frames", FRAMES, "--frames-only", "--json", scores]
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
         measured = json.loads(scores.read_text())
-        timed[name] = {"ms": measured["processor_ms"], **{key: measured[key] for key in ("device", "width", "height")}}
-        scores.write_text(json.dumps(timed, indent=1) + "\n")
-        os.replace(scores, path)
+        frame = {"ms": measured["processor_ms"], **{key: measured[key] for key in ("device", "width", "height")}}
+        add_frame(self.trials, name, frame)
 
     def grazing(self):
         model = self.options.work / GRAZING_CELL / "model.tgz"
@@ -372,6 +408,29 @@ class Driver:
         command = [self.options.bin / program, *before, self.options.data / cell.scene.folder, "--downscale",
                    cell.scene.downscale * self.options.downscale, "--threads", self.options.threads, *arguments]
         subprocess.run([str(part) for part in command], check=True, stdout=subprocess.DEVNULL)
+
+
+def write(path, report):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(report, indent=1) + "\n")
+
+
+def write_text(path, text):
+    """Whole or not at all."""
+    partial = path.with_suffix(".partial")
+    partial.write_text(text)
+    os.replace(partial, path)
+
+
+def frames_in(folder):
+    path = folder / "frames.json"
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def add_frame(folder, name, frame):
+    """To the folder's frames.json, to which others may add theirs."""
+    with held(folder):
+        write(folder / "frames.json", {**frames_in(folder), name: frame})
 
 
 def score_of(report):

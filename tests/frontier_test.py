@@ -6,6 +6,7 @@ own.
     tests/frontier_test.py
 """
 import argparse
+import concurrent.futures
 import contextlib
 import io
 import itertools
@@ -24,12 +25,18 @@ sys.path.insert(0, str(ROOT / "bench"))
 import frontier
 
 
-def add(folder, name, *files, model=40.0):
+MADE = {"commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
+        "training": {"seed": 1, "interrupted": False, "machine": {"device": "CPU", "seconds": 310.0}}}
+
+
+def add(folder, name, *files, model=40.0, codec=frontier.CODEC):
     """files: (bytes, dB) of the first steps; what the others make is on no hull. SSIM and FLIP go with dB."""
-    report = {"cell": name, "commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
-              "model": {"gaussians": 100, "texels": 0 if "/plain/" in name else 800, "psnr": model},
+    report = {"cell": name, **MADE,
+              "model": {"gaussians": 100, "texels": 0 if "/plain/" in name else 800, "psnr": model, "ssim": model / 100,
+                        "flip": 1 - model / 100},
               "files": [{"steps": steps, "bytes": 10**9, "psnr": 1.0, "ssim": 0.01, "flip": 0.99, "gaussians": 100,
-                         "texels": 0 if "/plain/" in name else 800} for steps in frontier.STEPS]}
+                         "texels": 0 if "/plain/" in name else 800} for steps in frontier.STEPS],
+              "codec": codec}
     for file, (size, psnr) in zip(report["files"], files):
         file.update(bytes=size, psnr=psnr, ssim=psnr / 100, flip=1 - psnr / 100)
     path = folder / f"{name}.json"
@@ -37,14 +44,29 @@ def add(folder, name, *files, model=40.0):
     path.write_text(json.dumps(report))
 
 
+def add_command(folder, name, size, psnr, **how):
+    scores = {"gaussians": 1000 if "/plain/" in name else 900, "texels": 0, "psnr": psnr, "ssim": 0.9, "flip": 0.05}
+    path = folder / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    report = {"cell": name, **MADE, "bytes": size, **scores, "base": {**scores, "psnr": 25.0}, **how}
+    path.write_text(json.dumps(report))
+
+
 class Frontier(unittest.TestCase):
+    def run_report(self, folder, page, picture):
+        return subprocess.run([sys.executable, ROOT / "bench/frontier.py", "report", "--cells", folder, "--page", page,
+                               "--picture", picture], capture_output=True, text=True)
+
     def report(self, folder):
         with tempfile.TemporaryDirectory() as out:
             page, picture = pathlib.Path(out, "page.md"), pathlib.Path(out, "picture.svg")
-            run = subprocess.run([sys.executable, ROOT / "bench/frontier.py", "report", "--cells", folder, "--page",
-                                  page, "--picture", picture], capture_output=True, text=True)
+            run = self.run_report(folder, page, picture)
             self.assertEqual(run.returncode, 0, run.stderr)
             return page.read_text(), picture.read_text()
+
+    def driver(self, folder, cut=False):
+        return frontier.Driver(argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu",
+                                                  threads=1, cut=cut, cells=folder / "cells"))
 
     def test_a_hull_leaves_out_what_others_beat(self):
         chain = frontier.hull([(100, 20.0), (200, 21.0), (250, 20.5), (400, 26.0), (800, 27.0), (110, 19.0)])
@@ -95,8 +117,8 @@ class Frontier(unittest.TestCase):
                 add(folder, f"fox/{count}/sh1/shared4-64/{seed}", (90000, 20.0))  # below the hull
             page, _ = self.report(folder)
         self.assertNotIn("kB | +1.50 +- 6.36 | ", few)  # far from its only count textures are not at their best
-        self.assertIn("| fox | cut | 1, 2 | 40 to 80 kB | +1.50 +- 6.36 | ", page)
-        self.assertIn("| fox | cut | 50 kB | 2 | 24.14 | 22.64 | +1.50 +- 6.36 |", page)
+        self.assertIn("| fox | cut | 2 | 1, 2 | 40 to 80 kB | +1.50 +- 6.36 | ", page)
+        self.assertIn("| fox | cut | 2 | 50 kB | 1, 2 | 3 | 24.14 | 22.64 | +1.50 +- 6.36 |", page)
         self.assertNotIn("| fox | trained for |", page)
 
     def test_frames_are_compared_at_equal_psnr(self):
@@ -115,42 +137,145 @@ class Frontier(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             folder = pathlib.Path(folder)
             add(folder, "fox/1700/sh1/plain/1", (10000, 20.0))
-            for arm, seed, size, psnr in (("plain", 1, 24600, 27.0), ("rgba", 1, 24900, 28.0), ("plain", 2, 25000, 27.5),
-                                          ("rgba", 2, 25000, 28.1), ("rgba", 3, 25000, 20.0)):
-                scores = {"gaussians": 1000 if arm == "plain" else 900, "psnr": psnr, "ssim": 0.9, "flip": 0.05}
-                path = folder / f"command/fox/25KB/{arm}/{seed}.json"
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(json.dumps({"commit": "abc1234", "machine": {"processor": "Processor", "cores": 2},
-                                            "bytes": size, **scores, "base": {**scores, "psnr": 25.0}}))
+            for arm, seed, size, psnr in (("plain", 1, 24600, 27.0), ("rgba", 1, 24900, 28.0), ("rgba", 3, 25000, 20.0),
+                                          ("plain", 2, 25000, 27.5), ("rgba", 2, 25000, 28.1)):
+                add_command(folder, f"command/fox/25KB/{arm}/{seed}", size, psnr)
             page, _ = self.report(folder)
         self.assertIn("| fox | 25 kB | 2 | 1,000 | 900 | 27.25 / 0.9000 / 0.0500 | 28.05 / 0.9000 / 0.0500 "
                       "| +0.80 +- 2.54 | 25.00 / 0.9000 / 0.0500 |", page)
         self.assertIn("have 98.4 % of their size", page)
 
-    def test_a_cell_that_was_cut_elsewhere_is_trained_again_for_its_files(self):
+    def test_files_of_different_codecs_are_no_samples_of_the_same(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            for seed, codec in ((1, 1), (2, 2)):
+                for place, count in enumerate(frontier.COUNTS["fox"]):
+                    add(folder, f"fox/{count}/sh1/plain/{seed}", (20000 * 2 ** place, 20.0 + 2 * place), codec=codec)
+                for count in frontier.COUNTS["fox"][:3]:
+                    files = (40000, 22.0 + seed), (80000, 24.0 + seed)
+                    add(folder, f"fox/{count}/sh1/rgba-2/{seed}", *files, codec=codec)
+            page, _ = self.report(folder)
+        self.assertIn("| fox | cut | 1 | 50 kB | 1 | 3 | 23.64 | 22.64 | +1.00 |", page)
+        self.assertIn("| fox | cut | 2 | 50 kB | 2 | 3 | 24.64 | 22.64 | +2.00 |", page)
+        self.assertIn("| fox | cut | 1 | 1 | 40 to 80 kB | +1.00 | -29.3 |", page)
+        # The mean of half an octave with 3 % fewer bytes of the plain file and 1 % of the other, and of an octave.
+        self.assertIn(f"| {50 * (math.sqrt(0.5) * 0.99 / 0.97 - 1 + 0.5 - 1):.1f} +- ", page)
+
+    def test_full_scenes_of_few_textured_counts_are_not_drawn(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder, counts = pathlib.Path(folder), frontier.COUNTS["fox-full"]
+            add(folder, "fox/1700/sh1/plain/1", (10000, 20.0))
+            for place, count in enumerate(counts):
+                add(folder, f"fox-full/{count}/sh1/plain/1", (20000 * 2 ** place, 20.0 + 2 * place))
+                if place:
+                    add(folder, f"fox-full/{count}/sh1/shared4-64/1", (20000 * 2 ** place, 21.0 + 2 * place))
+            _, few = self.report(folder)
+            add(folder, f"fox-full/{counts[0]}/sh1/shared4-64/1", (20000, 21.0))
+            _, enough = self.report(folder)
+        self.assertNotIn("fox-full", few)
+        self.assertIn("fox-full", enough)
+
+    def test_files_by_one_command_stand_beside_the_hull_of_their_arm(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            add(folder, "fox/1700/sh1/plain/1", (10000, 20.0), (40000, 28.0))
+            add(folder, "fox/1700/sh1/rgba-8/1", (10000, 21.0), (40000, 29.0))
+            add_command(folder, "command/fox/25KB/plain/1", 20000, 25.5)
+            add_command(folder, "command/fox/25KB/rgba/1", 20000, 24.75)
+            add_command(folder, "command/fox/25KB/rgba/2", 90000, 50.0)  # beyond the hull
+            page = self.report(folder)[0].replace("\n", " ")
+        self.assertIn("between -0.2 and +1.5 dB beside the first seed's hull", page)
+        self.assertIn("(2 of 3 files", page)
+
+    def test_broken_cells_are_named(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder, without = pathlib.Path(folder), {"training": None}
+            names = [f"fox/{count}/sh1/plain/1" for count in frontier.COUNTS["fox"][:5]]
+            for name in names:
+                add(folder, name)
+            stopped, unscored, uncut, misnamed, cut_off = names
+
+            def change(name, how):
+                report = json.loads((folder / f"{name}.json").read_text())
+                how(report)
+                (folder / f"{name}.json").write_text(json.dumps(report))
+
+            change(stopped, lambda report: report["training"].update(interrupted=True))
+            change(unscored, lambda report: report["files"][2].update(psnr=math.nan))
+            change(uncut, lambda report: report["files"].pop())
+            change(misnamed, lambda report: report.update(cell=stopped))
+            (folder / f"{cut_off}.json").write_text('{"cell": ')
+            add(folder, "fox/1701/sh1/plain/1")
+            add_command(folder, "command/fox/25KB/plain/1", 20000, 25.5, **without)
+            add_command(folder, "command/lego-full/250KB/rgba/1", 20000, 25.5, **without)  # is known to have none
+            (folder / "frames.json").write_text(json.dumps({stopped: {"ms": 1.0}}))
+            run = self.run_report(folder, folder / "page.md", folder / "picture.svg")
+            self.assertEqual(run.returncode, 1)
+            self.assertNotIn("Traceback", run.stderr)
+            expected = {stopped: "the run was interrupted", unscored: "files.psnr is NaN (expected a number)",
+                        uncut: "files are not of steps 1, 2, 3, 4, 6, 8", misnamed: f'cell is "{stopped}" (expected',
+                        cut_off: "is no JSON: ", "fox/1701/sh1/plain/1": "no cell of bench/frontier.py",
+                        "command/fox/25KB/plain/1": "training.machine.device is null (expected a text)",
+                        "frames": f"{stopped} lacks a number ms or a text device"}
+            for name, what in expected.items():
+                self.assertIn(f"{folder / name}.json: {what}", run.stderr)
+            self.assertEqual(len(run.stderr.splitlines()), len(expected), run.stderr)
+
+    def test_a_cell_that_was_cut_elsewhere_gets_no_files_of_another_model(self):
         with tempfile.TemporaryDirectory() as folder:
             folder, name = pathlib.Path(folder), "fox/1700/sh1/plain/1"
             add(folder / "cells", name, (10000, 20.0))
-            options = argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu", threads=1,
-                                         cut=False, cells=folder / "cells")
-            driver, trained_for = frontier.Driver(options), []
+            trained_for = []
 
             def call(_, program, *arguments):
-                if "--run" in arguments:
-                    run = arguments[arguments.index("--run") + 1]
-                    run.mkdir(parents=True)
-                    (run / "model.tgz").touch()
-                    return
+                self.assertNotIn("--run", arguments)
                 trained_for.append(arguments[arguments.index("--start-model") + 1].exists())
                 arguments[arguments.index("-o") + 1].touch()
 
-            driver.call, driver.score = call, lambda *_: {"psnr": 1.0}
-            with unittest.mock.patch.multiple(frontier, CELLS=folder / "cells",
-                                              commit=lambda: "abc1234", training_of=lambda _: {"interrupted": False}):
-                driver.run(name)
+            def run(training):
+                driver = self.driver(folder)
+                driver.call, driver.score = call, lambda *_: {"psnr": 1.0}
+                with unittest.mock.patch.multiple(frontier, commit=lambda: "abc1234", training_of=lambda _: training):
+                    driver.run(name)
+
+            def state():
+                return frontier.state_of(folder / "cells" / name)
+
+            with self.assertRaises(SystemExit):  # without a model
+                run(MADE["training"])
+            model = folder / "work" / name / "model.tgz"
+            model.parent.mkdir(parents=True, exist_ok=True)
+            model.touch()
+            (model.parent / "done").touch()
+            with self.assertRaises(SystemExit):
+                run({**MADE["training"], "seed": 2})
+            self.assertEqual((trained_for, state()), ([], "cut only"))
+            start = folder / "work/fox/1700/sh1/start-1"
+            start.mkdir()
+            for file in ("model.tgz", "done"):
+                (start / file).touch()
+            run(MADE["training"])
             self.assertEqual(trained_for, [True] * len(frontier.TRAINED))
             self.assertEqual(len(json.loads((folder / "cells" / f"{name}.json").read_text())["trained"]),
                              len(frontier.TRAINED))
+            self.assertEqual((state(), frontier.state_of(folder / "cells/fox/850")), ("done", "missing"))
+
+    def test_two_calls_on_one_folder_make_a_cell_once(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder, made = pathlib.Path(folder), []
+
+            def cut(name):
+                made.append(name)
+                time.sleep(0.05)
+                return {"cell": name, **MADE}
+
+            drivers = [self.driver(folder, cut=True) for _ in range(2)]
+            for driver in drivers:
+                driver.cut = cut
+            with contextlib.redirect_stderr(io.StringIO()), concurrent.futures.ThreadPoolExecutor(2) as pool:
+                for call in [pool.submit(driver.run, "fox/1700/sh1/plain/1") for driver in drivers]:
+                    call.result()
+        self.assertEqual(made, ["fox/1700/sh1/plain/1"])
 
     def test_files_of_an_older_codec_are_cut_again_from_the_models_that_are_left(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -165,8 +290,7 @@ class Frontier(unittest.TestCase):
                 if name != names[1]:
                     (folder / "work" / name).mkdir(parents=True)
                     (folder / "work" / name / "model.tgz").touch()
-            driver = frontier.Driver(argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu",
-                                                        threads=1, cut=True, cells=folder / "cells"))
+            driver = self.driver(folder, cut=True)
             driver.files = lambda scene, model, run: cut.append(scene) or [{"steps": 1, "bytes": 9000, "psnr": 20.0}]
             training = {"seed": 1}
             with unittest.mock.patch.multiple(frontier, CELLS=folder / "cells", training_of=lambda _: training):
@@ -187,8 +311,7 @@ class Frontier(unittest.TestCase):
     def test_cells_side_by_side_train_what_they_begin_with_once(self):
         with tempfile.TemporaryDirectory() as folder:
             folder, runs, most, now = pathlib.Path(folder), [], [0], set()
-            driver = frontier.Driver(argparse.Namespace(work=folder / "work", data=folder, bin=folder, device="cpu",
-                                                        threads=1, cut=False))
+            driver = self.driver(folder)
 
             def call(_, program, *arguments):
                 run = arguments[arguments.index("--run") + 1]
@@ -209,11 +332,10 @@ class Frontier(unittest.TestCase):
         self.assertGreater(most[0], 1)
 
     def test_after_a_failure_the_others_run_and_what_it_began_is_not_tried_again(self):
-        begun = []
+        begun, work = [], tempfile.TemporaryDirectory()
+        self.addCleanup(work.cleanup)
 
         class Driver:
-            locks = frontier.Locks()
-
             @frontier.alone
             def run(self, name):
                 begun.append(name)
@@ -224,7 +346,7 @@ class Frontier(unittest.TestCase):
 
         for jobs in (1, 3):
             begun.clear()
-            Driver.locks = frontier.Locks()
+            Driver.locks = frontier.Locks(pathlib.Path(work.name))
             said = io.StringIO()
             with self.assertRaises(SystemExit) as told, contextlib.redirect_stderr(said):
                 frontier.side_by_side(Driver().run, ["a", "b", "start", "other"], jobs)
