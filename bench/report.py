@@ -19,7 +19,8 @@ import sys
 
 import paper_tables as paper
 from report_document import Code, Heading, Items, Table, Text, markdown, page
-from report_figures import byte_figures, pictures, rank_figures, share_figures, size_figures, small_figures
+from report_figures import (byte_figures, grazing_rows, pictures, rank_figures, share_figures, size_figures,
+                            small_figures)
 from report_trials import (LABELS, METRICS, Broken, Trials, at, begun, couple, gain, mean, number, percent, published,
                            ranks_of, scaled, score, shown, side, signed, small_kind, student, twin, used_metrics)
 from reproduce import (COMPARED, DEFAULT_SIZE, KEY_SHARES, KIND_SHARES, KINDS, MERGED, ROOT, SCENES, SEEDS, SHARES, SIZES,
@@ -113,12 +114,13 @@ def shares(trials):
             plain, textured = trials.trained(scene, share, "none"), trials.trained(scene, share, "rgba")
             none, more, rgba = score(plain), twin(textured), score(textured)
             over_stage_1[scene, share], over_twin[scene, share] = gain(rgba, begun(textured) or none), gain(rgba, more)
+            mark = other_start(textured, none)
             rows.append([f"{scene} {share} %", number(at(plain, "evaluation", "gaussians")),
                          pixels_each(plain, "gaussians"), side(textured), pixels_each(textured, "texels"),
-                         *(shown(s, metrics) for s in (none, more, rgba)),
+                         shown(none, metrics), *(shown(s, metrics) + mark for s in (more, rgba)),
                          *(shown(gains[scene, share], write=signed) for gains in (over_stage_1, over_twin))])
     yield Text(f"PSNR / SSIM that RGBA gains, means of {', '.join(COMPARED)}; the paper's gains are over stage 1. That is "
-               "the one that a cell began with, which may have been trained again since.")
+               f"the one that a cell began with, which may have been trained again since. {OTHER_START}")
     yield Table(["share", "over stage 1", "over the twin", *(f"paper, {name}" for name in paper.SHARES)],
                 [[f"{share} %", *(shown(mean([gains[scene, share] for scene in COMPARED]), write=signed)
                                   for gains in (over_stage_1, over_twin)),
@@ -140,20 +142,22 @@ def default_sizes(trials):
             more, rgba = twin(paper_size), score(own)
             over_twin[scene, share] = gain(rgba, more)
             rows.append([f"{scene} {share} %", side(own), pixels_each(own, "texels"), shown(more),
-                         shown(score(paper_size)), shown(rgba) + other_start(own, paper_size),
+                         shown(score(paper_size)), shown(rgba) + other_start(own, begun(paper_size)),
                          shown(over_twin[scene, share], write=signed)])
     yield Text("Textures as large as the training views have pixels for (`--pixels-per-texel`), which is what tgtrain "
-               f"makes where nobody names a size; beside the paper's number of texels. PSNR / SSIM. {OTHER_START}")
+               "makes where nobody names a size; beside the paper's number of texels. PSNR / SSIM. (*): began with "
+               f"another stage 1 than the row's other textures, by more than {TIE} dB.")
     yield Text("RGBA is ahead of the twin by more than %.2f dB in %s cells." % (TIE, wins(over_twin.values())))
     yield Table(["", "texels a side", "pixels a texel", "twin", "RGBA, the paper's number", "RGBA, default",
                  "its gain over the twin"], rows)
 
 
-OTHER_START = f"(*): began with another stage 1 than the others of its row, by more than {TIE} dB."
+OTHER_START = f"(*): began with another stage 1 than the row's, by more than {TIE} dB."
 
 
-def other_start(report, other):
-    scores = [begun(r).get("psnr") for r in (report, other)]
+def other_start(report, stage_1):
+    """The mark of a cell that began with another stage 1 than this score."""
+    scores = [begun(report).get("psnr"), stage_1.get("psnr")]
     return "" if None in scores or abs(scores[0] - scores[1]) <= TIE else " (*)"
 
 
@@ -186,15 +190,15 @@ def kinds(trials):
                 scores = {kind: score(trials.trained(scene, share, kind + label)) for kind in KINDS}
                 rows.append(row(f"{scene} {share} %", texels, score(trials.trained(scene, share, "none")), scores))
                 if scores["alpha"] and scores["rgb"]:
-                    ahead[label].append(scores["alpha"]["psnr"] > scores["rgb"]["psnr"])
+                    ahead[label].append(scores["alpha"]["psnr"] - scores["rgb"]["psnr"] > TIE)
         for name, table in paper.KINDS.items():
             rows.append(row(f"paper, {name} {share} %", "", published(paper.SHARES[name][share][0]),
                             {kind: published(table[share][kind]) for kind in KINDS}))
     counts = [f"{sum(cells)} of {len(cells)}" for cells in ahead.values()]
     yield Text("PSNR / SSIM after stage 2. Default texels are signed; the paper's stay in [0, 1], start where "
                "`--texture-init paper` says, and learn at 0.001. The last column is the part of RGBA's gain over "
-               f"stage 1 in dB that alpha or RGB alone reach. Alpha is ahead of RGB in {counts[0]} cells with default "
-               f"texels, in {counts[1]} with the paper's.")
+               f"stage 1 in dB that alpha or RGB alone reach. Alpha is ahead of RGB by more than {TIE} dB in "
+               f"{counts[0]} cells with default texels, in {counts[1]} with the paper's.")
     yield Table(["", "texels", "stage 1", *(LABELS[kind] for kind in KINDS), "part: alpha / RGB"], rows)
     yield from alpha_less_rgb(trials)
 
@@ -231,10 +235,10 @@ def small(trials):
     rows = []
     for scene in COMPARED:
         for share in (*SMALL_SHARES, 100):
-            rgba = trials.trained(scene, share, "rgba")
-            four = trials.trained(scene, share, small_kind(share))
-            rows.append([f"{scene} {share} %", shown(score(trials.trained(scene, share, "none"))), shown(twin(rgba)),
-                         shown(score(four)) + other_start(four, rgba), shown(score(rgba)), side(rgba)])
+            none, rgba, four = (trials.trained(scene, share, kind) for kind in ("none", "rgba", small_kind(share)))
+            mark = other_start(rgba, score(none))
+            rows.append([f"{scene} {share} %", shown(score(none)), shown(twin(rgba)) + mark,
+                         shown(score(four)) + other_start(four, score(none)), shown(score(rgba)) + mark, side(rgba)])
     yield Text("4 x 4 texels a Gaussian at every share, beside as many texels at every share. PSNR / SSIM. "
                f"{OTHER_START}")
     yield Table(["", "stage 1", "twin", "4 x 4", "fixed number of texels", "its texels a side"], rows)
@@ -361,7 +365,8 @@ def outside(trials):
             scores = [score(textured), *(score(textured, "outside", treatment) for treatment in TREATMENTS[1:])]
             rows.append([f"{scene} {share} %", *map(shown, scores)])
     yield Text("RGBA trained with the first, drawn with each: the Gaussian's own colour and opacity beyond its texture, "
-               "nothing there, or the texels of the border. Test views; the page has pictures at flat angles.")
+               "nothing there, or the texels of the border. Test views"
+               + ("; the page has pictures at flat angles." if any(grazing_rows(trials)) else "."))
     yield Table(["", *TREATMENTS], rows)
 
 
@@ -389,6 +394,15 @@ def choices(trials):
         scores = [known(name, scene, share, "stages", "plain", "test_psnr") for name in (choice, other)]
         return [starts[0] != starts[1] or None in both or abs(both[0] - both[1]) <= TIE for both in zip(*scores)]
 
+    def otherwise_made(choice, other, group, seeds):
+        """The mark of a difference between cells that differ in more than a setting."""
+        pairs = [[trials.get(f"choice/{group[0]}/{group[1]:03}/{name}/{seed}") for name in (choice, other)]
+                 for seed in seeds]
+        for mark, keys in ((" d", ("training", "machine", "device")), (" v", ("commit",))):
+            if any(at(one, *keys) != at(two, *keys) for one, two in pairs):
+                return mark
+        return ""
+
     def table(title, default, others, base_label, first=False):
         """default and the values of others: the choice in the cells' names, and a stage. first: stage 1, which makes
         the Gaussians."""
@@ -399,16 +413,18 @@ def choices(trials):
             scores = [known(choice, *group, "stages", stage, "test_psnr") for group in groups]
             base = [known(default[0], *group, "stages", default[1], "test_psnr") for group in groups]
             fair = [[True] * len(SEEDS) if first else alike(choice, default[0], *group) for group in groups]
-            pairs = [[a - b for a, b, counts in zip(*three) if None not in (a, b) and counts]
+            pairs = [{seed: a - b for seed, a, b, counts in zip(SEEDS, *three) if None not in (a, b) and counts}
                      for three in zip(scores, base, fair)]
             ratios = [a / b for group in groups for a, b in zip(known(choice, *group, "gaussians"),
                                                                 known(default[0], *group, "gaussians"))
                       if None not in (a, b)]
             if label == base_label:
-                cells = [number(average(seeds), 2) for seeds in scores]
+                cells = [number(average(seeds), 2) + how_many(seeds) for seeds in scores]
             else:
-                cells = [signed(average(seeds)) for seeds in pairs]
-            return [label, *cells, *(judged([pair for pair in pairs if pair]) if label != base_label else ["", ""]),
+                cells = [signed(average(pair.values())) + how_many(pair.values())
+                         + otherwise_made(choice, default[0], group, pair) for group, pair in zip(groups, pairs)]
+            differences = [list(pair.values()) for pair in pairs if pair]
+            return [label, *cells, *(judged(differences) if label != base_label else ["", ""]),
                     *([percent(average(ratios))] if first else [])]
 
         return Table([title, *(f"{scene} {share} %" for scene, share in groups), "difference", "verdict",
@@ -418,12 +434,16 @@ def choices(trials):
     whole = [(scene, trials.get(f"choice/{scene}/100/none/1")) for scene in COMPARED]
     reached = [f"{number(report['training']['stages']['plain']['test_psnr'], 2)} dB with "
                f"{number(report['training']['gaussians'])} Gaussians ({scene})" for scene, report in whole if report]
-    yield Text("One setting changed at a time; PSNR [dB] on every 8th training view, held out; means over seeds. A "
-               "difference is to the first row at the same scene, share and seed (two that began with different "
-               "results of the same stage 1 are not compared); \"difference\" is the mean over scenes and shares, +- "
-               "its 95 % confidence interval (Student's t) by the seeds, where there are any: one spread is assumed "
-               "for all, so that it is too narrow where a scene with one seed varies more than the others. A tie is "
-               f"within that or within {TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
+    yield Text("Each row changes one setting of the first; PSNR [dB] on every 8th training view, held out; means over "
+               f"seeds, in brackets of how many where not of {len(SEEDS)}. A difference is to the first row at the same "
+               "scene, share and seed (two that began with different results of the same stage 1 are not compared), so "
+               "that the first row and it do not add up to a row's own mean. \"d\": some of these pairs are of two "
+               "devices, and mostly of two versions of the program; \"v\": of two versions alone. What device or version "
+               "changes is in such a difference, and one seed on two devices is two trainings.")
+    yield Text("\"difference\" is the mean over scenes and shares, +- its 95 % confidence interval (Student's t) by "
+               "the seeds, where there are any: one spread is assumed for all, so that it is too narrow where a scene "
+               f"with one seed varies more than the others. A tie is within that or within {TIE} dB; \"mixed\": there "
+               f"are columns on both sides, by more than {TIE} dB. \"Gaussians\" is beside the first row's count. 100 % "
                "have no limit.")
     twin = "no textures (twin)"
     yield table("after stage 1", ("none", "plain"), {choice: (choice, "plain") for choice in STAGE_1_CHOICES},
@@ -444,19 +464,25 @@ def average(values):
     return statistics.fmean(known) if known else None
 
 
+def how_many(values):
+    count = sum(value is not None for value in values)
+    return "" if count in (0, len(SEEDS)) else f" ({count})"
+
+
 def judged(groups):
     """The mean of the groups' means with its 95 % confidence interval, and a word for it. A group's spread is by seed;
     all share one."""
     if not groups:
         return ["-", "-"]
-    difference = statistics.fmean(map(statistics.fmean, groups))
+    means = [statistics.fmean(group) for group in groups]
+    difference, mixed = statistics.fmean(means), ", mixed" if min(means) < -TIE and max(means) > TIE else ""
     freedom = sum(len(group) - 1 for group in groups)
     if not freedom:
         return [signed(difference), "-"]
     variance = sum((len(group) - 1) * statistics.variance(group) for group in groups if len(group) > 1) / freedom
     error = student(freedom) * math.sqrt(variance * sum(1 / len(group) for group in groups)) / len(groups)
     verdict = "tie" if abs(difference) < max(TIE, error) else "better" if difference > 0 else "worse"
-    return [f"{signed(difference)} +- {error:.2f}", verdict]
+    return [f"{signed(difference)} +- {error:.2f}", verdict + mixed]
 
 
 def nothing(_):

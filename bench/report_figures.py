@@ -23,7 +23,8 @@ def share_figures(trials):
     for metric in ("psnr", "ssim"):
         name = METRICS[metric][0]
         yield plots(f"{name} against the share of the Gaussians",
-                    [svg_plot.plot(scene, lines(scene, metric), "share of the Gaussians [%]", name,
+                    [svg_plot.plot(scene, lines(scene, metric), "share of the Gaussians [%]",
+                                   f"{name} [dB]" if metric == "psnr" else name,
                                    x_ticks=trials.shares(scene)) for scene in trials.scenes],
                     lines(COMPARED[0], metric))
 
@@ -66,7 +67,7 @@ def byte_figures(trials):
     def lines(scene):
         def line(label, style, cells, part="evaluation", **how):
             reports = [at(trials.trained(scene, *cell), part) for cell in cells]
-            points = [(report["bytes"] / 1e6, report["psnr"]) for report in reports if report]
+            points = [(report["bytes"] / 1e6, report["psnr"]) if report else (None, None) for report in reports]
             return svg_plot.Line(label, style, points, **how)
 
         shares = trials.shares(scene)
@@ -107,10 +108,14 @@ def pictures(trials):
         if rows:
             yield Figure(f"{scene}: photograph of the first test view, and what is trained, by share",
                          f'<div class="grid">{rows}</div>')
-    rows = "".join(grazing_row(trials.folder / "grazing", angle) for angle in GRAZING_ANGLES)
+    rows = "".join(grazing_rows(trials))
     if rows:
         yield Figure(f"{GRAZING_CELL} at grazing angles, by what lies beyond +-3 sigma (Figure A.3)",
                      f'<div class="grid">{rows}</div>')
+
+
+def grazing_rows(trials):
+    return [grazing_row(trials.folder / "grazing", angle) for angle in GRAZING_ANGLES]
 
 
 def grazing_row(folder, angle):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Line plots as SVG to stand in an HTML page, whose style sheet holds STYLE."""
 import html
+import itertools
 import math
 
 WIDTH, HEIGHT = 360, 250
@@ -19,11 +20,13 @@ svg.plot .axis { stroke: var(--rule); fill: none } .dot { fill: var(--line) }
 
 
 class Line:
-    """points: (x, y), of which those with a None are left out. Shown by dots, joined."""
+    """points: (x, y), of which those with a None are left out, and the line broken there. Shown by dots, joined."""
 
     def __init__(self, label, style, points, dashed=False, dots=True, joined=True):
         self.label, self.style, self.dots, self.joined = label, style, dots, joined
-        self.points = [(x, y) for x, y in points if x is not None and y is not None]
+        pieces = itertools.groupby(points, lambda point: None not in point)
+        self.pieces = [list(piece) for there, piece in pieces if there]
+        self.points = list(itertools.chain(*self.pieces))
         self.classes = f"curve {style}" + (" dashed" if dashed else "")
 
 
@@ -79,13 +82,15 @@ def plot(title, lines, x_label, y_label, logarithmic=True, x_ticks=None):
                  f'<text transform="translate(11 {(TOP + BOTTOM) / 2}) rotate(-90)" text-anchor="middle">'
                  f"{html.escape(y_label)}</text>")
     for line in lines:
-        places = [(f"{x.place(a):.1f}", f"{y.place(b):.1f}") for a, b in line.points]
-        if line.joined and places:
-            parts.append(f'<path class="{line.classes}" d="M{"L".join(" ".join(p) for p in places)}"/>')
-        for (a, b), (left, top) in zip(line.points, places) if line.dots else ():
-            parts.append(f'<circle class="dot {line.style}" cx="{left}" cy="{top}" r="3">'
+        if line.joined and line.points:
+            paths = ("L".join(f"{x.place(a):.1f} {y.place(b):.1f}" for a, b in piece) for piece in line.pieces)
+            parts.append(f'<path class="{line.classes}" d="M{"M".join(paths)}"/>')
+        for a, b in line.points if line.dots else ():
+            parts.append(f'<circle class="dot {line.style}" cx="{x.place(a):.1f}" cy="{y.place(b):.1f}" r="3">'
                          f"<title>{html.escape(line.label)}: {a:.4g}, {b:.4g}</title></circle>")
-    return f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img">{"".join(parts)}</svg>'
+    shown = ", ".join(line.label for line in lines if line.points)
+    name = html.escape(f"{title}: {y_label} over {x_label}, of {shown}")
+    return f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{name}">{"".join(parts)}</svg>'
 
 
 def legend(lines):

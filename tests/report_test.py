@@ -129,7 +129,11 @@ class ReportTest(unittest.TestCase):
             self.write(f"fox/001/{name}/1.json", json.dumps(report))
         text = self.results()
         self.assertEqual(row(text, "RGBA at every share", "fox 1 %")[-2:], ["+1.50 / +0.0250", "+1.00 / +0.0000"])
-        self.assertEqual(row(text, "4 x 4 at every share", "fox 1 %")[2:4], ["27.00 / 0.9000 (*)", "27.00 / 0.9000"])
+        self.assertEqual(row(text, "RGBA at every share", "fox 1 %")[4:7],
+                         ["25.00 / 0.9000", "26.00 / 0.9000 (*)", "27.00 / 0.9000 (*)"])
+        # The mark is on what began otherwise than the stage 1 in the row, which 4 x 4 did not.
+        self.assertEqual(row(text, "4 x 4 at every share", "fox 1 %")[:4],
+                         ["25.00 / 0.9000", "26.00 / 0.9000 (*)", "27.00 / 0.9000", "27.00 / 0.9000 (*)"])
 
     def test_anchor(self):
         self.add("lego800/paper/none/1", 35.68, gaussians=123456)
@@ -149,7 +153,13 @@ class ReportTest(unittest.TestCase):
                          ["25.50 / 0.9000", "26.50 / 0.9000", "27.00 / 0.9000", "25 % / 75 %"])
         self.assertEqual(row(text, "Kinds", "fox 1 %", "paper's")[1:], ["-", "-", "26.00 / 0.9000", "-"])
         self.assertEqual(row(text, "Kinds", "paper, Blender 1 %", "")[-1], "61 % / 58 %")
-        self.assertIn("ahead of RGB in 0 of 1 cells", text.replace("\n", " "))
+        self.assertIn("ahead of RGB by more than 0.05 dB in 0 of 1 cells", text.replace("\n", " "))
+
+    def test_who_is_ahead_by_less_than_a_tie_is_not_counted(self):
+        for scene, alpha in (("fox", 25.54), ("lego", 25.56)):
+            self.add(f"{scene}/001/alpha/1", alpha, side=40)
+            self.add(f"{scene}/001/rgb/1", 25.5, side=40)
+        self.assertIn("ahead of RGB by more than 0.05 dB in 1 of 2 cells", self.results().replace("\n", " "))
 
     def test_seeds(self):
         for seed, above in ((1, 0.9), (2, 1.0), (3, 1.1)):
@@ -200,7 +210,26 @@ class ReportTest(unittest.TestCase):
                 report = cell(f"choice/fox/001/rgba-{name}/{seed}", psnr)
                 report["training"]["stages"]["plain"] = {"test_psnr": of_stage_1}
                 self.write(f"{report['cell']}.json", json.dumps(report))
-        self.assertEqual(row(self.results(), "Choices", choice)[0], "+2.00")  # of the first two seeds
+        self.assertEqual(row(self.results(), "Choices", choice)[0], "+2.00 (2)")  # of the first two seeds
+
+    def test_choices_say_of_how_many_seeds_they_are_and_what_else_differs(self):
+        ahead, behind, mixed = list(reproduce.STAGE_1_CHOICES)[:3]
+        for scene, change in (("fox", 0.5), ("printshop", -0.1)):
+            for seed in (1, 2):
+                self.add(f"choice/{scene}/001/none/{seed}", 20.0)
+                self.add(f"choice/{scene}/001/{mixed}/{seed}", 20.0 + change + seed / 100)
+        for name, where in ((ahead, ("training", "machine", "device")), (behind, ("commit",))):
+            report = cell(f"choice/fox/001/{name}/1", 20.25)
+            place = report
+            for key in where[:-1]:
+                place = place[key]
+            place[where[-1]] = "another"
+            self.write(f"choice/fox/001/{name}/1.json", json.dumps(report))
+        text = self.results()
+        self.assertEqual(row(text, "Choices", "limit-swap")[0], "20.00 (2)")
+        self.assertEqual(row(text, "Choices", ahead)[0], "+0.25 (1) d")
+        self.assertEqual(row(text, "Choices", behind)[0], "+0.25 (1) v")
+        self.assertEqual(row(text, "Choices", mixed)[-2], "better, mixed")
 
     def test_frames_and_pictures(self):
         self.add("fox/001/none/1", 25.0)
@@ -211,6 +240,23 @@ class ReportTest(unittest.TestCase):
         text = self.results()
         self.assertEqual(row(text, "Size, memory", "fox 1 %")[-1], "12.5 / -")
         self.assertEqual(self.page().count("data:image/png;base64,iVBORw0KGgo"), 4)
+
+    def test_pictures_at_flat_angles_are_spoken_of_where_they_are(self):
+        self.add("fox/001/rgba/1", 26.0, 25.5, side=40)
+        self.assertNotIn("flat angles", self.results())
+        for treatment in reproduce.TREATMENTS:
+            self.write(f"grazing/{reproduce.GRAZING_ANGLES[0]}-{treatment}.png", "").write_bytes(PIXEL)
+        self.assertIn("flat angles", self.results())
+
+    def test_plots_have_names_and_units_and_gaps_where_cells_are_missing(self):
+        for share in (1, 2, 10):
+            self.add(f"fox/{share:03}/none/1", 25.0)
+        self.results()
+        svg = self.page()[self.page().index("<svg class=\"plot\""):]
+        self.assertIn('role="img" aria-label="fox: PSNR [dB] over share of the Gaussians [%], of stage 1"', svg)
+        self.assertIn(">PSNR [dB]</text>", svg)
+        path = re.search('<path class="curve none" d="([^"]*)"', svg)[1]
+        self.assertEqual(re.sub("[^ML]", "", path), "MLM")
 
     def test_page_needs_nothing_else(self):
         self.add("fox/001/rgba/1", 26.0, 25.5, side=40)
