@@ -127,7 +127,7 @@ class Driver:
     @alone
     def run(self, name):
         path, model = self.options.cells / f"{name}.json", self.options.work / name / "model.tgz"
-        report = json.loads(path.read_text()) if path.exists() else {}
+        report = read(path)
         if "trained" in report or (is_command(name) and report):
             print(f"{name}: done already (expected --cells FOLDER and a WORK of its own to make it again)",
                   file=sys.stderr)
@@ -144,7 +144,7 @@ class Driver:
         if report:
             check_same(model, report)
             self.again(name)  # so that all files are of one codec
-            report = json.loads(path.read_text())
+            report = read(path)
         else:
             report = self.cut(name)
             write(path, report)
@@ -209,7 +209,7 @@ class Driver:
     def again(self, name):
         """Cuts a done cell's model again, if it is there and its files are of an older codec."""
         path, run = self.options.cells / f"{name}.json", self.options.work / name
-        report = json.loads(path.read_text()) if path.exists() else {}
+        report = read(path)
         if not report or codec_of(report) >= CODEC or not (run / "model.tgz").exists():
             return
         print(name, file=sys.stderr, flush=True)
@@ -222,7 +222,7 @@ class Driver:
         """The files for which its model goes on."""
         scene, _, degree, arm, seed = name.split("/")
         run, files = self.options.work / name, []
-        model = self.model(name)
+        model = run / "model.tgz"
         for steps in TRAINED:
             file = run / f"trained-{steps}.sog"
             self.call(scene, "tgtrain", self.options.data / SCENES[scene].folder, "--start-model", model,
@@ -241,7 +241,7 @@ class Driver:
         if name in frames_in(cells) or not (model.exists() and cell.exists()):
             return
         print(name, file=sys.stderr, flush=True)
-        dataset = json.loads(cell.read_text())["training"]["dataset"]
+        dataset = read(cell)["training"]["dataset"]
         scale = FRAME_SCALE // 2 if name.split("/")[0] in FULL else FRAME_SCALE
         size = f"{scale * dataset['width']}x{scale * dataset['height']}"
         command = [self.options.bin / "render_bench", model, "--backend", "cpu", "--threads", self.options.threads,
@@ -256,6 +256,14 @@ class Driver:
                   "--overwrite", *flags)
         scores = json.loads((run / "eval.json").read_text())
         return {key: scores[key] for key in ("gaussians", "texels", "psnr", "ssim", "flip")}
+
+
+def read(path):
+    """A cell's report, or {} where there is none."""
+    try:
+        return parsed(path) if path.exists() else {}
+    except Broken as problem:
+        sys.exit(f"{path}: {problem}")
 
 
 def check_same(model, report):
@@ -276,8 +284,8 @@ def of_others(found, commanded):
               if (plotted := plotted_beside(found, name, report["bytes"])) is not None]
     if beside:
         text += (" Files by one command (below) lie between %+.1f and %+.1f dB beside the first seed's hull of cut "
-                 "files of their arm at the same bytes (%d of %d files, where it reaches so far), with textures and without: "
-                 "their Gaussians are merged from up to four times as many, where these cells keep their counts by "
+                 "files of their arm at the same bytes (%d of %d files, where it reaches so far), with textures and "
+                 "without: their Gaussians are merged from up to four times as many, where these cells keep their counts by "
                  "`--limit-by swap`; they are trained for the file (stage 3); and they are of codec %d." % (
                      min(beside), max(beside), len(beside), len(commanded), CODEC))
     return text
@@ -302,7 +310,7 @@ def training_of(model):
 
 def done_cells(folder):
     """Cells and what one command makes, {name: report} each, in the order of their names' lists."""
-    read, names, wrong = {}, [*cells(), *commands()], []
+    made, names, wrong = {}, [*cells(), *commands()], []
     for path in sorted(folder.rglob("*.json")):
         name = path.relative_to(folder).with_suffix("").as_posix()
         try:
@@ -312,12 +320,12 @@ def done_cells(folder):
             elif name not in names:
                 raise Broken("no cell of bench/frontier.py has this name")
             else:
-                read[name] = checked(name, report)
+                made[name] = checked(name, report)
         except Broken as problem:
             wrong.append(f"{path}: {problem}")
     if wrong:
         raise Broken("\n".join(wrong))
-    return [{name: read[name] for name in of if name in read} for of in (cells(), commands())]
+    return [{name: made[name] for name in of if name in made} for of in (cells(), commands())]
 
 
 def checked(name, report):
@@ -703,17 +711,15 @@ def report(folder, page, picture):
 
 
 def state_of(cell):
-    path = cell.with_name(cell.name + ".json")
-    if not path.exists():
+    report = read(cell.with_name(cell.name + ".json"))
+    if not report:
         return "missing"
-    report = json.loads(path.read_text())
     return "done" if "trained" in report or is_command(report["cell"]) else "cut only"
 
 
 def scores_of(cell):
     """Of a command's file, or of the model of any other cell."""
-    path = cell.with_name(cell.name + ".json")
-    report = json.loads(path.read_text()) if path.exists() else {}
+    report = read(cell.with_name(cell.name + ".json"))
     scores = report.get("model", report)
     return f"{scores['psnr']:.2f} dB" if scores else "nothing yet"
 

@@ -246,19 +246,18 @@ class Frontier(unittest.TestCase):
             model = folder / "work" / name / "model.tgz"
             model.parent.mkdir(parents=True, exist_ok=True)
             model.touch()
-            (model.parent / "done").touch()
             with self.assertRaises(SystemExit):
                 run({**MADE["training"], "seed": 2})
             self.assertEqual((trained_for, state()), ([], "cut only"))
-            start = folder / "work/fox/1700/sh1/start-1"
-            start.mkdir()
-            for file in ("model.tgz", "done"):
-                (start / file).touch()
             run(MADE["training"])
             self.assertEqual(trained_for, [True] * len(frontier.TRAINED))
             self.assertEqual(len(json.loads((folder / "cells" / f"{name}.json").read_text())["trained"]),
                              len(frontier.TRAINED))
             self.assertEqual((state(), frontier.state_of(folder / "cells/fox/850")), ("done", "missing"))
+            (folder / "cells" / f"{name}.json").write_text("{")
+            with self.assertRaises(SystemExit) as told:
+                state()
+            self.assertIn(f"{name}.json: is no JSON", str(told.exception))
 
     def test_two_calls_on_one_folder_make_a_cell_once(self):
         with tempfile.TemporaryDirectory() as folder:
