@@ -91,7 +91,7 @@ void writePageBeside(const std::filesystem::path& input, const std::filesystem::
   report.gaussians = scene.counts.front();
   report.input_bytes = storedBytes(*findFormat(report.input_format), input);
   report.sh_degree = scene.sh_degree.value_or(0);
-  report.cameras = readLodCameras(scene, lodFolderReader(input)).size();
+  report.cameras = readLodCameras(scene, lodFolderReader(input), report.warnings).size();
   report.texture_mode = name(scene.texture_mode);
   report.warnings.emplace_back("the page holds no model: it streams " + input.filename().string() +
                                " from the server that both lie on");

@@ -207,6 +207,15 @@ std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reade
   return parseCameras({bytes.begin(), bytes.end()}, lod::besideMeta(scene.path, scene.cameras));
 }
 
+std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reader, std::vector<std::string>& warnings) {
+  try {
+    return readLodCameras(scene, reader);
+  } catch (const Error& error) {
+    warnings.push_back(std::string("no cameras: ") + error.what());
+    return {};
+  }
+}
+
 Bundle readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader, bool base_only) {
   TG_ASSERT(file < scene.files.size(), "a file of the scene");
   const std::string& meta = scene.files[file];

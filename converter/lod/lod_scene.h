@@ -63,6 +63,8 @@ LodScene parseLodScene(std::span<const std::uint8_t> json, const std::string& pa
 LodScene readLodScene(const std::filesystem::path& path);
 // Of scene.cameras; none where the file names none.
 std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reader);
+// The same for who can do without: of cameras that cannot be read there are none, and a warning.
+std::vector<Camera> readLodCameras(const LodScene& scene, const LodReader& reader, std::vector<std::string>& warnings);
 // A file's Gaussians, at least file_counts[file], and its warnings; base_only: what readers without textures get.
 // Throws Error(cannotRead / badData).
 Bundle readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& reader, bool base_only = false);

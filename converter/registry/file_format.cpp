@@ -176,8 +176,8 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
   }
   Bundle loaded =
       bundleOf(assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
+  loaded.cameras = readLodCameras(scene, reader, warnings);
   loaded.warnings = std::move(warnings);
-  loaded.cameras = readLodCameras(scene, reader);
   loaded.background = scene.background;
   loaded.knows_background = scene.sh_degree.has_value();  // where it is of ours
   if (scene.has_environment) loaded.warnings.push_back("\"environment\" is left out");

@@ -5,6 +5,7 @@
 #include <httplib.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <utility>
 
@@ -18,6 +19,7 @@ namespace {
 
 constexpr std::uint64_t kHeaderBytes = 64 << 10;  // of an answer, at most
 constexpr std::uint64_t kLineBytes = 8 << 10;     // of it; the library matches the first by recursion, a level a byte
+constexpr std::chrono::seconds kKeptConnectionEnds{1};  // what takes longer is a server that says nothing
 constexpr std::string_view kScheme = "http://";
 
 [[noreturn]] void refuse(const std::string& address, const std::string& found) {
@@ -115,7 +117,13 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     bytes.insert(bytes.end(), data, data + size);
     return true;
   };
-  const httplib::Result result = client_->Get(path, {{"Accept-Encoding", "identity"}}, begin, take);
+  const auto fetch = [&] { return client_->Get(path, {{"Accept-Encoding", "identity"}}, begin, take); };
+  const auto asked = std::chrono::steady_clock::now();
+  httplib::Result result = fetch();
+  // Servers close connections that they kept, and may do so just as they are asked.
+  const bool closed = !result && status == 0 && std::chrono::steady_clock::now() - asked < kKeptConnectionEnds;
+  if (closed && std::exchange(kept_, false) && !stop.stop_requested()) result = fetch();
+  kept_ = static_cast<bool>(result);
   if (stop.stop_requested()) throw ReadCancelled();
   if (too_long) {
     throw tg::Error(ErrorKind::cannotRead, name, "is too long" + atMost(max_bytes, std::max(promised, max_bytes + 1)));

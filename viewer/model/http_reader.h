@@ -31,6 +31,7 @@ class HttpReader {
   std::string folder_;  // of the path, with slashes at both ends
   std::string file_;
   std::unique_ptr<Client> client_;
+  bool kept_ = false;  // the last answer was whole, its connection may be kept
 };
 
 }  // namespace tg

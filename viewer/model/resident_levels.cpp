@@ -38,7 +38,7 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
     };
     opened.scene = readLodScene(path);
   }
-  opened.cameras = readLodCameras(opened.scene, opened.reader);
+  opened.cameras = readLodCameras(opened.scene, opened.reader, opened.warnings);
   return opened;
 }
 
@@ -204,6 +204,7 @@ Scene sceneOf(const OpenedLevels& opened, std::shared_ptr<const GaussianModel> m
   scene.background = opened.scene.background;
   scene.cameras = opened.cameras;
   scene.up = sceneUp(opened.cameras);
+  scene.warnings = opened.warnings;
   if (opened.scene.has_environment) scene.warnings.emplace_back("its environment is not shown");
   scene.model = std::move(model);
   measure(scene);

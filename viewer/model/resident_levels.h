@@ -24,6 +24,7 @@ struct OpenedLevels {
   LodScene scene;
   LodReader reader;  // of one thread at a time; throws ReadCancelled once `stop` was asked for
   std::vector<Camera> cameras;
+  std::vector<std::string> warnings;
 };
 // A lod-meta.json on disk or at an http address. Throws Error(usage / cannotRead / badData) and ReadCancelled.
 OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token& stop);

@@ -74,6 +74,10 @@ class SceneStreamer::Run {
     const bool same = wish_.budget == wish.budget && static_cast<const Pinhole&>(wish_.camera) == wish.camera;
     wish_ = std::move(wish);
     if (!same) chosen_ = chooseLevels(opened_.scene, wish_.camera, wish_.budget);
+    if (!unreachable_.empty() && Clock::now() >= tried_again_) {
+      for (const std::uint32_t file : std::exchange(unreachable_, {})) lost_.erase(file);
+      rest_ *= 2;
+    }
     plan();
   }
 
@@ -123,6 +127,10 @@ class SceneStreamer::Run {
     });
     if (!told) return;
     lost_.insert(file);
+    if (news.error_kind == static_cast<int>(ErrorKind::cannotRead)) {
+      unreachable_.insert(file);
+      tried_again_ = Clock::now() + rest_;
+    }
     plan();
     tell(std::move(news));
   }
@@ -154,14 +162,18 @@ class SceneStreamer::Run {
   Wish wish_;
   std::vector<std::uint8_t> chosen_, wanted_;  // for the wish; without what cannot be read
   std::vector<std::uint32_t> missing_;
-  std::set<std::uint32_t> lost_;
+  std::set<std::uint32_t> lost_, unreachable_;  // the latter are not broken, and are tried again
+  Clock::time_point tried_again_;
+  std::chrono::milliseconds rest_ = streamer_.lost_rest_;
   std::uint64_t models_ = 0;
   bool said_settled_ = false;
   Clock::time_point given_at_;
 };
 
-SceneStreamer::SceneStreamer(std::filesystem::path path, std::function<void()> wake, const LodReaderWrap& wrap)
+SceneStreamer::SceneStreamer(std::filesystem::path path, std::function<void()> wake, const LodReaderWrap& wrap,
+                             std::chrono::milliseconds lost_rest)
     : path_(std::move(path)),
+      lost_rest_(lost_rest),
       news_(std::move(wake)),
       thread_(startWorker(news_, [this, wrap](const std::stop_token& stop) {
         News news;

@@ -2,6 +2,7 @@
 // Chooses the levels of a streamed scene for a camera and reads what they lack, in a thread of its own, while what is
 // there is shown.
 #pragma once
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -21,8 +22,9 @@ using LodReaderWrap = std::function<LodReader(LodReader files)>;
 class SceneStreamer {
  public:
   // Begins with the coarsest level. `wake` is called in the streamer's thread whenever there is news. `wrap` may be
-  // empty.
-  SceneStreamer(std::filesystem::path path, std::function<void()> wake, const LodReaderWrap& wrap);
+  // empty. lost_rest: how long files that could not be fetched are left alone; twice as long each time.
+  SceneStreamer(std::filesystem::path path, std::function<void()> wake, const LodReaderWrap& wrap,
+                std::chrono::milliseconds lost_rest = std::chrono::seconds(10));
 
   const std::filesystem::path& path() const { return path_; }
 
@@ -55,6 +57,7 @@ class SceneStreamer {
   void give(News news);
 
   const std::filesystem::path path_;
+  const std::chrono::milliseconds lost_rest_;
   LatestValue<Wish> wishes_;
   LatestValue<News> news_;
   std::jthread thread_;

@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <thread>
 
@@ -32,19 +33,58 @@ HttpServer makeServer() {
   });
 }
 
+// A socket of this machine alone.
+int listening(int& port) {
+  const int made = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  REQUIRE(::bind(made, reinterpret_cast<const sockaddr*>(&address), size) == 0);
+  REQUIRE(::listen(made, 4) == 0);
+  REQUIRE(::getsockname(made, reinterpret_cast<sockaddr*>(&address), &size) == 0);
+  port = ntohs(address.sin_port);
+  return made;
+}
+
+// Keeps no connection, and does not say so.
+class ClosingServer {
+ public:
+  ClosingServer() {
+    socket_ = listening(port_);
+    thread_ = std::jthread([this] {
+      for (int client; (client = ::accept(socket_, nullptr, nullptr)) >= 0; ++connections) {
+        char asked[4096];
+        const std::string answer = "HTTP/1.1 200 OK\r\nContent-Length: 3\r\n\r\nabc";
+        if (::recv(client, asked, sizeof asked, 0) > 0)
+          (void)::send(client, answer.data(), answer.size(), MSG_NOSIGNAL);
+        // The next request comes before it ends, too.
+        (void)::recv(client, asked, sizeof asked, 0);
+        ::close(client);
+      }
+    });
+  }
+  ~ClosingServer() {
+    ::shutdown(socket_, SHUT_RDWR);
+    thread_.join();
+    ::close(socket_);
+  }
+  ClosingServer& operator=(ClosingServer&&) = delete;
+
+  std::string address() const { return "http://127.0.0.1:" + std::to_string(port_) + "/scene/a.bin"; }
+  std::atomic<int> connections{0};
+
+ private:
+  int socket_ = -1;
+  int port_ = 0;
+  std::jthread thread_;
+};
+
 // Answers its one connection with `head`, then `times` times with `rest`, and closes it at once or at its own end.
 class RawServer {
  public:
   RawServer(std::string head, std::string rest, std::size_t times, bool holds) {
-    socket_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof address;
-    REQUIRE(::bind(socket_, reinterpret_cast<const sockaddr*>(&address), size) == 0);
-    REQUIRE(::listen(socket_, 4) == 0);
-    REQUIRE(::getsockname(socket_, reinterpret_cast<sockaddr*>(&address), &size) == 0);
-    port_ = ntohs(address.sin_port);
+    socket_ = listening(port_);
     thread_ = std::jthread([this, head, rest, times, holds](const std::stop_token& stop) {
       const int client = ::accept(socket_, nullptr, nullptr);
       char asked[4096];
@@ -84,6 +124,13 @@ TEST_CASE("files come over HTTP as they are, the address's own and those beside 
   CHECK(reader.read("", 1000, {}) == Bytes(1000, 7));
   CHECK(reader.read("b/c.bin", 1000, {}) == Bytes(3, 7));
   CHECK(reader.read("a.bin", 1000, {}) == Bytes(1000, 7));
+}
+
+TEST_CASE("a server that closes the connection that it kept is asked once more on another one") {
+  ClosingServer server;
+  HttpReader reader(server.address());
+  for (int k = 0; k < 4; ++k) CHECK(reader.read("", 1000, {}) == Bytes({'a', 'b', 'c'}));
+  CHECK(server.connections >= 3);
 }
 
 TEST_CASE("what does not come over HTTP is named in a line") {

@@ -18,6 +18,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "viewer/model/open_models.h"
+#include "viewer/model/scene_streamer.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/state.h"
 
@@ -197,6 +198,47 @@ TEST_CASE("a truncated file is one message, its leaves stay coarser, and everyth
       withoutFiles(small.scene, chooseLevels(small.scene, small.camera, small.scene.counts.front()), {broken});
   CHECK(levels[0] == 1);
   CHECK(window.state.scene.gaussians == countOf(small.scene, levels));
+}
+
+TEST_CASE("a file that could not be fetched is tried again, and a scene does without cameras that are not there") {
+  const SmallScene small;
+  const std::string late = small.scene.files[small.scene.leaves[0].levels[0].file];
+  std::filesystem::remove(small.folder / small.scene.cameras);
+  std::atomic<int> refusals{0};
+  SceneStreamer streamer(
+      small.path, [] {},
+      [&](LodReader files) {
+        return [&, files](const std::string& relative, std::uint64_t most) {
+          if (relative.starts_with(late) && refusals++ == 0) throw Error(ErrorKind::cannotRead, relative, "busy");
+          return files(relative, most);
+        };
+      },
+      std::chrono::milliseconds(0));
+  std::uint64_t wish = 0, drawn = 0;
+  std::optional<Scene> scene;
+  // Until the scene has what a new wish asks for, or all but one file of it.
+  const auto settle = [&](std::size_t lost) {
+    ++wish;
+    for (int k = 0; k < 5000; ++k) {
+      streamer.want({small.camera, small.scene.counts.front(), wish, drawn});
+      if (std::optional<SceneStreamer::News> news = streamer.take()) {
+        if (news->scene) scene = std::move(news->scene);
+        drawn = news->models;
+        if (lost == 1 && news->lost == 1) return true;
+        if (news->settled && news->wish == wish) return news->lost == lost;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return false;
+  };
+  CHECK(settle(1));
+  CHECK(settle(0));
+  CHECK(refusals > 1);
+  REQUIRE(scene);
+  CHECK(scene->cameras.empty());
+  REQUIRE(scene->warnings.size() == 1);
+  CHECK_THAT(scene->warnings[0], Contains("no cameras: ") && Contains(small.scene.cameras));
+  CHECK(readModel(small.path).cameras.empty());
 }
 
 TEST_CASE("a scene whose coarsest level is truncated is not opened: the first error ends the program, by its code") {
