@@ -18,11 +18,11 @@ constexpr std::uint64_t kMaxGaussians = 64'000'000;
 constexpr std::uint64_t kMaxPlyBytes = kMaxGaussians * 62 * 8;  // of a file of splats
 
 // Reads by property name, so extra properties and any order are fine; ASCII, binary little and big endian; SH degree
-// 0-3 from the number of f_rest_*. Throws Error(cannotRead / badData): missing property, count and size that disagree
-// with the file's length, non-finite values (with Gaussian index and property). Bytes behind binary rows are passed
-// over (SplatRows::trailing). The result has no textures and has passed checkModel, unless `broken` is given: it says
-// then whether a value is not finite or a quaternion has no length. `progress` may be null; throws ReadCancelled when
-// it says so.
+// 0-3 from the number of f_rest_*; Mip-Splatting's filter_3D is applied. Throws Error(cannotRead / badData): missing
+// property, count and size that disagree with the file's length, non-finite values (with Gaussian index and property).
+// Bytes behind binary rows are passed over (SplatRows::trailing). The result has no textures and has passed checkModel,
+// unless `broken` is given: it says then whether a value is not finite or a quaternion has no length. `progress` may be
+// null; throws ReadCancelled when it says so.
 GaussianModel readSplatPly(const std::filesystem::path& path, ReadProgress* progress = nullptr, bool* broken = nullptr);
 GaussianModel parseSplatPly(std::span<const std::uint8_t> bytes, const std::string& path, bool* broken = nullptr);
 

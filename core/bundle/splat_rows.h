@@ -51,6 +51,7 @@ class SplatRows {
   bool flat_ = false;  // no scale_2
   bool plain_ = false;
   std::size_t dc_ = 0, rest_ = 0;     // first positions in columns_
+  std::size_t filter_ = 0;            // the position of filter_3D; 0: none
   std::vector<int> columns_;          // properties that a model is made of
   std::vector<std::size_t> offsets_;  // [bytes] of columns_ in a row
 };

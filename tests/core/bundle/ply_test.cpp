@@ -8,6 +8,7 @@
 #include "core/bundle/ply_vertices.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
@@ -90,6 +91,21 @@ TEST_CASE("ASCII in any property order, with extra properties, is read by name")
   REQUIRE(model.sh[1] == glm::vec3(0));
   REQUIRE(model.log_scale[1] == glm::vec3(-1.5f, -2.5f, -3.5f));
   REQUIRE(model.rotation[1] == glm::vec4(0, 1, 0, 0));
+}
+
+TEST_CASE("what Mip-Splatting stores without its filter is read as it is drawn") {
+  const std::string text =
+      with(with(with(kAscii, "uchar label", "float filter_3D"), "1e-2 7 ", "1e-2 0.5 "), " 255 ", " 0 ");
+  const tg::GaussianModel stored = parse(kAscii), drawn = parse(text);
+  double kept = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double variance = std::exp(2.0 * static_cast<double>(stored.log_scale[0][axis]));
+    CHECK(static_cast<double>(drawn.log_scale[0][axis]) == Approx(0.5 * std::log(variance + 0.25)).epsilon(1e-6));
+    kept *= variance / (variance + 0.25);
+  }
+  CHECK(tg::opacityOf(drawn, 0) == Approx(tg::opacityOf(stored, 0) * std::sqrt(kept)).epsilon(1e-6));
+  CHECK(drawn.log_scale[1] == stored.log_scale[1]);
+  CHECK(drawn.opacity_logit[1] == stored.opacity_logit[1]);
 }
 
 TEST_CASE("Windows line ends are read") {
