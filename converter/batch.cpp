@@ -100,7 +100,8 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
     progress({i, report.items.size(), item.input.filename().string(),
               static_cast<double>(read) / static_cast<double>(std::max<std::uint64_t>(total, 1))});
     const auto failed = [&](ErrorKind kind, const std::string& what) {
-      item.error = what;
+      const bool named = what.starts_with(item.input.string()) || what.starts_with(item.output.string());
+      item.error = named ? what : item.input.string() + ": " + what;
       if (report.exit_code == 0) report.exit_code = static_cast<int>(kind);
     };
     try {

@@ -229,11 +229,14 @@ void textureError(Bundle& loaded, const Edit& edit) {
   fitTexturesToError(loaded.model, numbersOf(edit, {1}, "a number from 0 on")[0]);
 }
 
+void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model, FallbackScale::fitted); }
+
 void texelBudget(Bundle& loaded, const Edit& edit) {
   const double texels = numbersOf(edit, {1}, "a number of texels")[0];
   if (texels < 0.0 || texels != std::floor(texels) || texels > 1e18) {
     throw Error(ErrorKind::usage, "wrong value (expected a number of texels)");
   }
+  if (texels == 0) return noTextures(loaded, edit);
   fitTexturesToBudget(loaded.model, static_cast<std::uint64_t>(texels), shownWeights(loaded));
 }
 
@@ -244,8 +247,6 @@ void shareTextures(Bundle& loaded, const Edit& edit) {
   }
   tg::shareTextures(loaded.model, static_cast<std::size_t>(entries), shownWeights(loaded), kBitCost, 0);
 }
-
-void noTextures(Bundle& loaded, const Edit&) { loaded.model = bakeFallback(loaded.model, FallbackScale::fitted); }
 
 struct Command {
   EditOption option;

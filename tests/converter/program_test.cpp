@@ -247,6 +247,7 @@ TEST_CASE("tgconvert edits in the order of its options, merges inputs and refuse
   CHECK(merged.code == 0);
   CHECK(merged.out.find("--merge out.tgz: 50 -> 70 Gaussians") != std::string::npos);
   CHECK(merged.out.find("120 Gaussians, SH degree 3, 2 cameras") != std::string::npos);
+  CHECK(tgconvert(scratch, "in.tgz none.tgz --texel-budget 0").out.find("textures: none") != std::string::npos);
   CHECK(tgconvert(scratch, "in.tgz few.ply --decimate 10 --no-textures --sh-degree 1").out.find(" dB against before") !=
         std::string::npos);
   CHECK(readModel(scratch.folder() / "few.ply").model.size() == 10);
@@ -288,6 +289,9 @@ TEST_CASE("tgconvert turns a folder of models into another, and says which faile
   CHECK(broken.out.empty());
   CHECK(broken.err.find("4.ply") != std::string::npos);
   CHECK(readModel(scratch.folder() / "out" / "3.glb").model.size() == 20);
+
+  const Result cropped = tgconvert(scratch, "in out --to glb --overwrite --quiet --crop-sphere 1000,0,0,1");
+  CHECK(cropped.err.find("3.ply: --crop-sphere 1000,0,0,1: no Gaussian is left") != std::string::npos);
 
   CHECK(tgconvert(scratch, "in out").code == 1);
   CHECK(tgconvert(scratch, "in out --to obj").code == 1);
