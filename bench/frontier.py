@@ -714,7 +714,7 @@ def state_of(cell):
     report = read(cell.with_name(cell.name + ".json"))
     if not report:
         return "missing"
-    return "done" if "trained" in report or is_command(report["cell"]) else "cut only"
+    return "done" if "trained" in report or is_command(report.get("cell", "")) else "cut only"
 
 
 def scores_of(cell):

@@ -180,6 +180,9 @@ def cells(length):
     return table
 
 
+STOPPING = threading.Event()  # nobody waits for another call any more
+
+
 def side_by_side(run, names, jobs):
     """Runs every name, so many at a time, those after one that fails as well. Exits where one failed."""
     failures = set()
@@ -196,6 +199,7 @@ def side_by_side(run, names, jobs):
             for done in [pool.submit(attempt, name) for name in names]:
                 done.result()
         except BaseException:
+            STOPPING.set()
             pool.shutdown(cancel_futures=True)
             raise
     if failures:
@@ -207,7 +211,13 @@ def held(file):
     """Holds a file, or a folder, against other processes that do so, too."""
     handle = os.open(file, os.O_RDONLY | (0 if file.is_dir() else os.O_CREAT), 0o666)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if STOPPING.wait(0.2):
+                    raise KeyboardInterrupt from None
         yield
     finally:
         os.close(handle)
@@ -429,6 +439,7 @@ def frames_in(folder):
 
 def add_frame(folder, name, frame):
     """To the folder's frames.json, to which others may add theirs."""
+    folder.mkdir(parents=True, exist_ok=True)
     with held(folder):
         write(folder / "frames.json", {**frames_in(folder), name: frame})
 

@@ -37,7 +37,6 @@ class Reproduce(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
         self.trials, self.work = self.folder / "trials", self.folder / "work"
-        self.trials.mkdir()
         said = contextlib.redirect_stderr(io.StringIO())
         said.__enter__()
         self.addCleanup(said.__exit__, None, None, None)
@@ -101,6 +100,12 @@ class Reproduce(unittest.TestCase):
                 order.append("first")
             call.result()
         self.assertEqual(order, ["first", "the other"])
+        # Who is told to stop waits no longer.
+        self.addCleanup(reproduce.STOPPING.clear)
+        with concurrent.futures.ThreadPoolExecutor(1) as pool, locks[CELL]:
+            call = pool.submit(other)
+            reproduce.STOPPING.set()
+            self.assertIsInstance(call.exception(timeout=30), KeyboardInterrupt)
 
     def test_a_full_disk_leaves_the_samples_that_there_were(self):
         file = self.folder / "peers.json"

@@ -32,9 +32,9 @@ inline glm::vec3 logFromScale(glm::vec3 scale) {
   return log_scale;
 }
 
-constexpr double kMostScale = 0x1p127;  // no rounding of a mantissa makes it infinite
+constexpr double kMostScale = std::numeric_limits<float>::max();
 
-// Clipped to kMostScale.
+// Clipped to what a float holds.
 inline float scaleFromLog(float log_scale) {
   return static_cast<float>(std::min(std::exp(static_cast<double>(log_scale)), kMostScale));
 }

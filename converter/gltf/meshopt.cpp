@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -35,8 +36,9 @@ void roundToSteps(std::span<std::uint8_t> floats, int exponent) {
     float number;
     std::memcpy(&number, floats.data() + at, sizeof(number));
     const int own = exponentOf(number, exponent);
-    const double whole =
-        std::nearbyint(std::ldexp(static_cast<double>(number), -own)) + 0.0;  // the filter has one zero
+    const double most = std::ldexp(1.0, std::numeric_limits<float>::max_exponent - own) - 1;  // that a float holds
+    const double wanted = std::nearbyint(std::ldexp(static_cast<double>(number), -own));
+    const double whole = std::clamp(wanted, -most, most) + 0.0;  // the filter has one zero
     number = static_cast<float>(std::ldexp(whole, own));
     std::memcpy(floats.data() + at, &number, sizeof(number));
   }
@@ -117,8 +119,11 @@ PackedView packMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, s
     if (filter.rounded) roundComponents(filtered, filter.bits);
     from = filtered;
   } else if (filter.kind == MeshoptFilter::Kind::exponential) {
+    // A power of 2 that no rounding of a mantissa makes infinite.
+    std::vector<float> within(floats, floats + count * stride / sizeof(float));
+    for (float& number : within) number = std::clamp(number, -0x1p127f, 0x1p127f);
     filtered.resize(count * stride);
-    encodeSingleFloats(filtered.data(), count * stride / sizeof(float), filter.bits, floats);
+    encodeSingleFloats(filtered.data(), within.size(), filter.bits, within.data());
     from = filtered;
   }
   if (filter.kind == MeshoptFilter::Kind::fixed) {

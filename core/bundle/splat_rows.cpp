@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <type_traits>
 
 #include "core/bundle/ply.h"
@@ -21,8 +22,10 @@ constexpr std::uint32_t kExponent = 0x7f800000u;  // all ones: infinite or not a
 const float kFlatLogScale = std::log(1e-4f);
 
 // What Mip-Splatting (Yu et al., CVPR 2024, equation 9) draws of a Gaussian that it stores without its 3D filter: each
-// variance has the filter's more, and the opacity is less by the square root of the volumes' quotient.
+// variance has the filter's more, and the opacity is less by the square root of the volumes' quotient. What is no width
+// makes scales that are no numbers.
 void applyFilter(GaussianModel& model, std::size_t i, float sigma) {
+  if (!(sigma >= 0)) sigma = std::numeric_limits<float>::quiet_NaN();
   double compensation = 1;
   for (int axis = 0; axis < 3; ++axis) {
     float& log_scale = model.log_scale[i][axis];
@@ -95,7 +98,7 @@ SplatRows::SplatRows(std::span<const std::uint8_t> start, std::uint64_t total, c
   for (int c = 0; c < 3; ++c) add("f_dc_" + std::to_string(c));
   rest_ = columns_.size();
   for (std::size_t k = 0; k < 3 * (shCountOf(sh_degree_) - 1); ++k) add("f_rest_" + std::to_string(k));
-  if (vertices_.find("filter_3D") >= 0) filter_ = columns_.size(), add("filter_3D");
+  if (!flat_ && vertices_.find("filter_3D") >= 0) filter_ = columns_.size(), add("filter_3D");
   plain_ = vertices_.plainFloats(columns_);
   for (int column : columns_) offsets_.push_back(vertices_.properties()[static_cast<std::size_t>(column)].offset);
 }
@@ -115,7 +118,7 @@ void SplatRows::set(GaussianModel& model, std::size_t i, const Values& v) const 
   // Channel-major in the file: all of red, all of green, all of blue.
   const std::size_t red = rest_, green = red + sh_count - 1, blue = green + sh_count - 1;
   for (std::size_t k = 0; k + 1 < sh_count; ++k) sh[k + 1] = {v(red + k), v(green + k), v(blue + k)};
-  if (filter_ > 0 && v(filter_) > 0) applyFilter(model, i, v(filter_));
+  if (filter_ > 0 && v(filter_) != 0) applyFilter(model, i, v(filter_));
 }
 
 bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_t last, GaussianModel& model) const {

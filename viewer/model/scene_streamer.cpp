@@ -76,7 +76,7 @@ class SceneStreamer::Run {
     if (!same) chosen_ = chooseLevels(opened_.scene, wish_.camera, wish_.budget);
     if (!unreachable_.empty() && Clock::now() >= tried_again_) {
       for (const std::uint32_t file : std::exchange(unreachable_, {})) lost_.erase(file);
-      rest_ *= 2;
+      rest_ = std::min(2 * rest_, kLongestLostRest);
     }
     plan();
   }
@@ -125,8 +125,12 @@ class SceneStreamer::Run {
       resident_.read(file, wanted_);
       missing_.erase(missing_.begin());
     });
-    if (!told) return;
+    if (!told) {
+      if (told_.erase(file) > 0) rest_ = streamer_.lost_rest_;
+      return;
+    }
     lost_.insert(file);
+    if (!told_.insert(file).second) news.problem.clear();
     if (news.error_kind == static_cast<int>(ErrorKind::cannotRead)) {
       unreachable_.insert(file);
       tried_again_ = Clock::now() + rest_;
@@ -163,6 +167,7 @@ class SceneStreamer::Run {
   std::vector<std::uint8_t> chosen_, wanted_;  // for the wish; without what cannot be read
   std::vector<std::uint32_t> missing_;
   std::set<std::uint32_t> lost_, unreachable_;  // the latter are not broken, and are tried again
+  std::set<std::uint32_t> told_;                // of what was ever lost, and has not come since
   Clock::time_point tried_again_;
   std::chrono::milliseconds rest_ = streamer_.lost_rest_;
   std::uint64_t models_ = 0;

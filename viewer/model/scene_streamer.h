@@ -18,11 +18,14 @@ namespace tg {
 // Stands between the streamer and the files: what tests put in.
 using LodReaderWrap = std::function<LodReader(LodReader files)>;
 
+constexpr std::chrono::milliseconds kLongestLostRest = std::chrono::minutes(5);
+
 // All members may be called from one other thread; none of them waits for a file.
 class SceneStreamer {
  public:
   // Begins with the coarsest level. `wake` is called in the streamer's thread whenever there is news. `wrap` may be
-  // empty. lost_rest: how long files that could not be fetched are left alone; twice as long each time.
+  // empty. lost_rest: how long files that could not be fetched are left alone; twice as long
+  // each time, up to kLongestLostRest.
   SceneStreamer(std::filesystem::path path, std::function<void()> wake, const LodReaderWrap& wrap,
                 std::chrono::milliseconds lost_rest = std::chrono::seconds(10));
 

@@ -31,6 +31,7 @@ struct PictureRequest {
   RenderSettings settings;
   Output output = Output::final;
   std::optional<OtherPicture> other;  // seen by the same camera
+  bool in_run = false;                // of a benchmark or recording: a device that failed is not tried again for it
 };
 
 // Whether both yield the same picture.

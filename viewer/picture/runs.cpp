@@ -132,6 +132,7 @@ std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view) {
   if (!look_) look_ = view;
   awaited_ = *look_;
   awaited_->camera = *camera;
+  awaited_->in_run = true;
   if (streams()) awaited_->model = view.model;
   awaited_->other.reset();
   return awaited_;

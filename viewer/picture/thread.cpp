@@ -71,7 +71,8 @@ void PictureThread::run(const std::stop_token& stop) {
       asked.reset();
     }
 
-    if (resting && asked && under_way == 0 && std::chrono::steady_clock::now() >= tried_again) {
+    if (resting && asked && under_way == 0 && !asked->request->in_run &&
+        std::chrono::steady_clock::now() >= tried_again) {
       maker.reset();
       resting = false;
     }

@@ -106,6 +106,11 @@ TEST_CASE("what Mip-Splatting stores without its filter is read as it is drawn")
   CHECK(tg::opacityOf(drawn, 0) == Approx(tg::opacityOf(stored, 0) * std::sqrt(kept)).epsilon(1e-6));
   CHECK(drawn.log_scale[1] == stored.log_scale[1]);
   CHECK(drawn.opacity_logit[1] == stored.opacity_logit[1]);
+  for (const char* wrong : {"nan", "-0.5"}) {
+    bool broken = false;
+    tg::parseSplatPly(toBytes(with(text, "1e-2 0.5 ", std::string("1e-2 ") + wrong + " ")), "a.ply", &broken);
+    CHECK(broken);
+  }
 }
 
 TEST_CASE("Windows line ends are read") {

@@ -63,8 +63,9 @@ struct Bench {
   explicit Bench(const std::string& backend, std::chrono::milliseconds device_rest = std::chrono::hours(1))
       : thread([this] { return std::make_unique<MemoryDevice>(gate); }, 1, backend, [] {}, device_rest) {}
   ~Bench() { gate.open(); }
-  void ask(int width) {
+  void ask(int width, bool in_run = false) {
     PictureRequest request;
+    request.in_run = in_run;
     request.model = model;
     request.camera = test::trainedLikeCamera(width, 24);
     thread.ask(std::move(request));
@@ -124,6 +125,9 @@ TEST_CASE("a device that failed is tried again, and a failure is told again only
   CHECK(bench.until(32).problem == "The device failed, the CPU renders meanwhile: lost");
   bench.ask(33);
   CHECK(bench.until(33).problem.empty());
+  CHECK(bench.gate.renderers == 2);
+  bench.ask(35, true);
+  CHECK(bench.until(35).problem.empty());
   CHECK(bench.gate.renderers == 2);
   bench.gate.full = true;
   bench.ask(34);
