@@ -103,15 +103,8 @@ void writeBlocks(const fs::path& folder, const std::vector<SceneBlock>& blocks) 
 }
 
 void writeBlock(const fs::path& folder, const BlockFile& file) {
-  const auto requireUtf8 = [](const std::string& text) {
-    try {
-      (void)nlohmann::json(text).dump();
-    } catch (const nlohmann::json::type_error&) {
-      throw Error(ErrorKind::badData, printable(text), "is no UTF-8, which block.json is written in");
-    }
-  };
-  requireUtf8(file.dataset);
-  for (const std::string& view : file.views) requireUtf8(view);
+  requireUtf8(file.dataset, kBlockName);
+  for (const std::string& view : file.views) requireUtf8(view, kBlockName);
   nlohmann::ordered_json json = {{"format", kBlockFormat}, {"version", kVersion}};
   json["dataset"] = file.dataset;
   json["layout"] = file.layout;

@@ -72,6 +72,14 @@ std::string dumpJson(const nlohmann::ordered_json& value, int indent) {
   return value.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
+void requireUtf8(const std::string& text, const std::string& file) {
+  try {
+    (void)nlohmann::json(text).dump();
+  } catch (const nlohmann::json::type_error&) {
+    throw Error(ErrorKind::badData, printable(text), "is no UTF-8, which " + file + " is written in");
+  }
+}
+
 void JsonNode::fail(const std::string& what) const {
   throw Error(ErrorKind::badData, path, (place.empty() ? "" : shortened(place) + ": ") + shortened(what));
 }

@@ -27,6 +27,8 @@ nlohmann::json parseJson(std::span<const std::uint8_t> text, const std::string& 
 
 // Text for a file; bytes that are no UTF-8 (from image names of another encoding) become U+FFFD.
 std::string dumpJson(const nlohmann::ordered_json& value, int indent = -1);
+// For names that must come back as they are. Throws Error(badData) that names the file which could not hold the text.
+void requireUtf8(const std::string& text, const std::string& file);
 
 // A value of a file. Getters throw Error(badData) that says where it stands, what was expected and what was found.
 // `value` and `path` must outlive it.

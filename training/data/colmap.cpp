@@ -100,8 +100,8 @@ ColmapCamera makeCamera(const fs::path& path, const std::string& label, const Ca
                    std::to_string(parameters.size()) + ")");
   }
   if (width < 1 || height < 1 || width > kMaxImageSide || height > kMaxImageSide) {
-    fail(path,
-         label + ": image size out of range (found " + std::to_string(width) + " x " + std::to_string(height) + ")");
+    fail(path, label + ": image size out of range (expected 1 to " + std::to_string(kMaxImageSide) +
+                   " pixels a side, found " + std::to_string(width) + " x " + std::to_string(height) + ")");
   }
   for (const double value : parameters) {
     if (!std::isfinite(value)) fail(path, label + ": a parameter is not finite");
@@ -164,7 +164,9 @@ class Lines {
  public:
   explicit Lines(const fs::path& path) : path_(path) {
     const std::vector<std::uint8_t> bytes = readFile(path, kMaxModelBytes);
-    stream_.str(std::string(bytes.begin(), bytes.end()));
+    std::string text(bytes.begin(), bytes.end());
+    if (text.starts_with("\xef\xbb\xbf")) text.erase(0, 3);  // Notepad's mark of UTF-8
+    stream_.str(std::move(text));
   }
   bool next() {
     while (std::getline(stream_, line_)) {
@@ -179,6 +181,15 @@ class Lines {
     return false;
   }
   bool blank() const { return line_.find_first_not_of(" \t") == std::string::npos; }
+  // Whether it is nothing but groups of three numbers, by its characters: these lines are most of a large file.
+  bool holdsTriples() const {
+    std::size_t fields = 0;
+    for (std::size_t i = 0; i < line_.size(); ++i) {
+      const auto isSpace = [&](std::size_t at) { return line_[at] == ' ' || line_[at] == '\t'; };
+      fields += !isSpace(i) && (i == 0 || isSpace(i - 1));
+    }
+    return fields % 3 == 0 && line_.find_first_not_of(" \t0123456789+-.eEnaif") == std::string::npos;
+  }
   template <typename T>
   T read(const char* what) {
     T value{};
@@ -272,7 +283,11 @@ std::vector<ColmapImage> readImagesText(const fs::path& path) {
     image.camera_id = lines.read<std::uint32_t>("a camera id");
     image.name = lines.readRestOfLine();
     if (image.name.empty()) fail(path, lines.label() + ": expected an image name");
-    lines.next();  // its 2D points, an empty line when there are none
+    // Some programs leave the line of 2D points out where there are none, and the next image would pass for it.
+    if (lines.next() && !lines.holdsTriples()) {
+      fail(path, lines.label() + ": expected the 2D points of '" + image.name +
+                     "', three numbers each, or an empty line where there are none");
+    }
   }
   return images;
 }

@@ -189,8 +189,11 @@ Photograph decodePhotograph(const PhotographSource& source) {
   std::vector<std::uint8_t>& mask = photograph.pixels.mask;
   const bool hides = !source.mask.empty() && source.mask_meaning == MaskMeaning::hidden;
   if (hidesAll(mask)) {
-    throw Error(ErrorKind::badData, (hides ? source.mask : source.image).string(),
-                "the mask hides every pixel (0 hides)");
+    if (!hides) {
+      throw Error(ErrorKind::badData, source.image.string(),
+                  "the lens distortion is implausible (expected that undistorting keeps some pixels, found none)");
+    }
+    throw Error(ErrorKind::badData, source.mask.string(), "the mask hides every pixel (0 hides)");
   }
   const bool all = std::ranges::find(mask, 0) == mask.end();
   if (all && !hides) mask = {};

@@ -27,29 +27,51 @@ nlohmann::json readObject(const std::string& path) {
   return json;
 }
 
-// frame[key], else top[key]: nerfstudio lets every frame override the shared intrinsics.
+std::string shown(double value) { return nlohmann::json(value).dump(); }
+
+// Who says `key`: nerfstudio lets every frame override the shared intrinsics. What is null is not said.
+const JsonNode& saying(const char* key, const JsonNode& top, const JsonNode& frame) {
+  const auto found = frame.value.find(key);
+  return found == frame.value.end() || found->is_null() ? top : frame;
+}
+
 std::optional<double> number(const JsonNode& top, const JsonNode& frame, const char* key) {
-  for (const nlohmann::json* object : {&frame.value, &top.value}) {
-    const auto found = object->find(key);
-    if (found == object->end() || found->is_null()) continue;
-    if (!found->is_number() || !std::isfinite(found->get<double>())) {
-      top.fail(std::string("'") + key + "' is not a finite number");
-    }
-    return found->get<double>();
+  const JsonNode& owner = saying(key, top, frame);
+  const auto found = owner.value.find(key);
+  if (found == owner.value.end() || found->is_null()) return std::nullopt;
+  if (!found->is_number() || !std::isfinite(found->get<double>())) {
+    owner.fail(std::string("'") + key + "' is not a finite number");
   }
-  return std::nullopt;
+  return found->get<double>();
 }
 
 std::string cameraModel(const JsonNode& top, const JsonNode& frame) {
-  for (const nlohmann::json* object : {&frame.value, &top.value}) {
-    const auto model = object->find("camera_model");
-    if (model != object->end()) return model->is_string() ? model->get<std::string>() : "?";
-  }
+  const JsonNode& owner = saying("camera_model", top, frame);
+  const auto model = owner.value.find("camera_model");
+  if (model != owner.value.end() && !model->is_null()) return model->is_string() ? model->get<std::string>() : "?";
   for (const nlohmann::json* object : {&frame.value, &top.value}) {
     const auto fisheye = object->find("is_fisheye");  // instant-ngp's
     if (fisheye != object->end() && fisheye->is_boolean()) return fisheye->get<bool>() ? "OPENCV_FISHEYE" : "OPENCV";
   }
   return "OPENCV";
+}
+
+// instant-ngp's keys for cameras that no key of nerfstudio's describes.
+void refuseOtherCameras(const JsonNode& top, const JsonNode& frame) {
+  for (const char* key : {"ftheta_p0", "latlong", "equirectangular"}) {
+    const JsonNode& owner = saying(key, top, frame);
+    const auto found = owner.value.find(key);
+    if (found == owner.value.end() || found->is_null() || *found == false) continue;
+    owner.fail(std::string("camera '") + key + "' is not supported: undistort the images first");
+  }
+  // Rows of one photograph have poses between two. Where a frame has one alone, the key changes nothing.
+  const JsonNode& owner = saying("rolling_shutter", top, frame);
+  const auto shutter = owner.value.find("rolling_shutter");
+  const auto isZero = [](const nlohmann::json& part) { return part == 0; };
+  if (frame.value.contains("transform_matrix_end") && shutter != owner.value.end() && shutter->is_array() &&
+      !std::ranges::all_of(*shutter, isZero)) {
+    frame.fail("'rolling_shutter' is not supported (expected zeros, or no 'transform_matrix_end')");
+  }
 }
 
 // nerfstudio's keys: k1 to k4 of a fisheye; otherwise OpenCV's k1, k2, k3, p1, p2, whatever the model is called.
@@ -60,9 +82,10 @@ Lens readLens(const JsonNode& top, const JsonNode& frame) {
   constexpr std::array<const char*, 6> kModels = {"PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL",
                                                   "RADIAL",  "OPENCV",         "OPENCV_FISHEYE"};
   if (std::ranges::find(kModels, lens.model) == kModels.end()) {
-    top.fail("camera model '" + lens.model +
-             "' is not supported (expected PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or "
-             "OPENCV_FISHEYE): undistort the images first");
+    saying("camera_model", top, frame)
+        .fail("camera model '" + lens.model +
+              "' is not supported (expected PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or "
+              "OPENCV_FISHEYE): undistort the images first");
   }
   for (const char* key : kDistortion) {
     const double value = number(top, frame, key).value_or(0.0);
@@ -71,8 +94,9 @@ Lens readLens(const JsonNode& top, const JsonNode& frame) {
     const bool tangential = name[0] == 'p';
     const auto index = static_cast<std::size_t>(name[1] - '1');
     if (name[0] == 's' || index > 3 || (lens.fisheye ? tangential : index > 2)) {
-      top.fail("lens distortion '" + std::string(name) + "' is not supported with camera model " + lens.model +
-               " (expected 0, found " + nlohmann::json(value).dump() + "): undistort the images first");
+      saying(key, top, frame)
+          .fail("lens distortion '" + std::string(name) + "' is not supported with camera model " + lens.model +
+                " (expected 0, found " + shown(value) + "): undistort the images first");
     }
     (tangential ? lens.tangential[index] : lens.radial[index]) = value;
   }
@@ -115,24 +139,29 @@ void setIntrinsics(const JsonNode& top, const JsonNode& frame, DatasetIndex::Ent
   const std::optional<double> fl_x = number(top, frame, "fl_x");
   entry.field_of_view_x = number(top, frame, "camera_angle_x");
   entry.field_of_view_y = number(top, frame, "camera_angle_y");
-  for (const std::optional<double>& angle : {entry.field_of_view_x, entry.field_of_view_y}) {
-    if (angle && !(*angle > 0 && *angle < 3.14)) top.fail("camera angle out of range (expected 0 to pi)");
+  for (const char* key : {"camera_angle_x", "camera_angle_y"}) {
+    if (const auto angle = number(top, frame, key); angle && !(*angle > 0 && *angle < 3.14)) {
+      saying(key, top, frame).fail("camera angle out of range (expected 0 to pi, found " + shown(*angle) + ")");
+    }
   }
   if (!fl_x && !entry.field_of_view_x) frame.fail("no intrinsics (expected fl_x, w and h, or camera_angle_x)");
   entry.focal_x = fl_x;
   entry.focal_y = number(top, frame, "fl_y");
   entry.center_x = number(top, frame, "cx");
   entry.center_y = number(top, frame, "cy");
-  for (const std::optional<double>& focal : {entry.focal_x, entry.focal_y}) {
-    if (focal && !(*focal > 0)) top.fail("focal length is not positive");
+  for (const char* key : {"fl_x", "fl_y"}) {
+    if (const auto focal = number(top, frame, key); focal && !(*focal > 0)) {
+      saying(key, top, frame).fail("focal length is not positive (expected above 0, found " + shown(*focal) + ")");
+    }
   }
   if (!width || !height) {
     if (!entry.field_of_view_x) frame.fail("no size of the image (expected w and h beside fl_x)");
     return;
   }
   if (!(*width >= 1 && *width <= kMaxImageSide && *height >= 1 && *height <= kMaxImageSide)) {
-    top.fail("image size out of range (found " + nlohmann::json(*width).dump() + " x " +
-             nlohmann::json(*height).dump() + ")");
+    saying("w", top, frame)
+        .fail("image size out of range (expected 1 to " + std::to_string(kMaxImageSide) + " pixels a side, found " +
+              shown(*width) + " x " + shown(*height) + ")");
   }
   entry.camera = intrinsicsOf(entry, entry.camera, {*width, *height});
 }
@@ -205,9 +234,10 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
       ++index.outside_split;
       continue;
     }
+    refuseOtherCameras(top, frame);
     entry.lens = readLens(top, frame);
     entry.below_images = belowImages(file, entry.image);
-    entry.camera.name = entry.image.filename().string();
+    entry.camera.name = entry.below_images.empty() ? entry.image.filename().string() : entry.below_images;
     entry.camera.test = test || held_out;
     if (const auto mask = frame.value.find("mask_path"); mask != frame.value.end() && !mask->is_null()) {
       if (!mask->is_string() || mask->get<std::string>().empty()) frame.fail("'mask_path' is not a path");
@@ -231,9 +261,9 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
 // it, in one frame, so nothing is left to apply.
 void readPoints(const JsonNode& top, const fs::path& folder, DatasetIndex& index) {
   const auto named = top.value.find("ply_file_path");
-  if (named != top.value.end()) {
+  if (named != top.value.end() && !named->is_null()) {
     if (!named->is_string()) top.fail("'ply_file_path' is not a string");
-    index.points_file = named->get<std::string>();
+    index.points_file = portable(folder, named->get<std::string>());
   } else if (isFile(folder / "points3d.ply")) {
     index.points_file = "points3d.ply";
   }

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/file/file.h"
+#include "core/file/json.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 
@@ -134,6 +135,7 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
     }
   }
   const std::vector<std::string> names = fileNames(dataset);
+  for (const std::string& name : names) requireUtf8(name, "transforms.json");
   nlohmann::json frames = nlohmann::json::array(), train = nlohmann::json::array(), test = nlohmann::json::array();
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Camera& camera = dataset.views[i];
@@ -149,6 +151,9 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
     (camera.test ? test : train).push_back(file);
   }
   createFolder(folder);
+  // It comes last, and makes the folder a data set: one that is stopped in between is none, half old and half new.
+  std::error_code ignored;
+  fs::remove(folder / "transforms.json", ignored);
   std::vector<std::uint8_t> masked(names.size(), 0);
   parallelFor(static_cast<std::int64_t>(names.size()), 1,
               [&](std::size_t i) { masked[i] = writePhotograph(folder, names[i], *dataset.photographs->get(i)); });
@@ -164,7 +169,6 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
     json["ply_file_path"] = "points3d.ply";
     writePoints(folder / "points3d.ply", dataset.points);
   } else {
-    std::error_code ignored;
     fs::remove(folder / "points3d.ply", ignored);
   }
   writeTextAtomically(folder / "transforms.json", json.dump(1) + "\n");

@@ -225,6 +225,83 @@ TEST_CASE("finds photographs by paths with backslashes and by extensions in capi
   CHECK(dataset.views[1].test);
 }
 
+TEST_CASE("a view below images keeps its folder in its name and one elsewhere is called by its file", "[dataset]") {
+  tg::TemporaryFolder folder;
+  std::vector<Json> frames;
+  for (const char* file : {"./images/cam1/0", "images/cam0/0.png", "images/cam0/1.png", "images/flat.png"}) {
+    frames.push_back(frame(file));
+  }
+  for (const char* file : {"cam0/0.png", "cam0/1.png", "cam1/0.png", "flat.png"}) {
+    writePicture(folder / "images" / file, 16, 12);
+  }
+  writePicture(folder / "train/r_0.png", 16, 12);
+  frames.push_back(frame("./train/r_0"));
+  writeText(folder / "transforms.json", pinhole(frames).dump());
+  DatasetOptions options;
+  options.test_every = 2;
+  std::vector<std::string> names;
+  for (const tg::Camera& view : loadDataset(folder.path, options).views) names.push_back(view.name);
+  CHECK(names == std::vector<std::string>{"cam0/1.png", "flat.png", "cam0/0.png", "cam1/0.png", "r_0.png"});
+}
+
+TEST_CASE("a point cloud is found by a path with backslashes and what is null is not said", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 16, 12);
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+  writeText(folder / "points/cloud.ply", ply + "1 2 3\n");
+  writeText(folder / "points3d.ply", ply + "4 5 6\n");
+  Json json = pinhole({frame("a.png")});
+  json["camera_model"] = nullptr;
+  const auto pointWith = [&](const Json& path) {
+    json["ply_file_path"] = path;
+    writeText(folder / "transforms.json", json.dump());
+    return loadDataset(folder.path).points.position.at(0);
+  };
+  CHECK(pointWith("points\\cloud.ply") == glm::vec3(1, 2, 3));
+  CHECK(pointWith(nullptr) == glm::vec3(4, 5, 6));
+}
+
+TEST_CASE("a COLMAP text without its empty lines is refused and one with a mark of UTF-8 is read", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapText text;
+  text.cameras = "\xef\xbb\xbf" + text.cameras.substr(text.cameras.find("1 PINHOLE"));
+  text.write(folder.path);
+  CHECK(loadDataset(folder.path).views.size() == 10);
+  const fs::path images = folder / "sparse/0/images.txt";
+  writeText(images, "1 1 0 0 0 0 0 0 1 image0.png\n2 1 0 0 0 0 0 0 1 image1.png\n");
+  CHECK_THAT(refusal(folder.path), Contains("images.txt: line 2: expected the 2D points of 'image0.png'"));
+  writeText(images, "1 1 0 0 0 0 0 0 1 image0.png\n2 1 0 0 0 0 0 0 1 my 1 1\n");
+  CHECK_THAT(refusal(folder.path), Contains("images.txt: line 2: expected the 2D points of 'image0.png'"));
+  writeText(images, "1 1 0 0 0 0 0 0 1 image0.png\n 1.5e2\t-2 -1 nan 4 5 \r\n2 1 0 0 0 0 0 0 1 image1.png");
+  CHECK(loadDataset(folder.path).views.size() == 2);
+}
+
+TEST_CASE("cameras of instant-ngp that pinholes do not stand for are refused by their key", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 16, 12);
+  const auto refused = [&](const Json& json) {
+    writeText(folder / "transforms.json", json.dump());
+    return refusal(folder.path);
+  };
+  const Json usual = pinhole({frame("a.png")});
+  Json json = usual;
+  json["ftheta_p0"] = 1.0;
+  CHECK_THAT(refused(json), Contains("transforms.json: camera 'ftheta_p0' is not supported: undistort"));
+  json = usual;
+  json["frames"][0]["latlong"] = true;
+  CHECK_THAT(refused(json), Contains("frame 0: camera 'latlong' is not supported"));
+  json["frames"][0]["latlong"] = false;
+  CHECK(refused(json) == "accepted");
+  // Without a second pose there is nothing that the rows of a photograph lie between.
+  json["rolling_shutter"] = {0, 0, 1, 0};
+  CHECK(refused(json) == "accepted");
+  json["frames"][0]["transform_matrix_end"] = kIdentity;
+  CHECK_THAT(refused(json), Contains("frame 0: 'rolling_shutter' is not supported"));
+  json["rolling_shutter"] = {0, 0, 0.0, 0};
+  CHECK(refused(json) == "accepted");
+}
+
 TEST_CASE("refuses a COLMAP file that ends anywhere, without crash or huge allocation", "[dataset]") {
   tg::TemporaryFolder folder;
   const ColmapBinary whole;
@@ -260,6 +337,10 @@ TEST_CASE("refuses broken COLMAP content with its place", "[dataset]") {
   CHECK_THAT(refusal(folder.path), Contains("wrong number of parameters (expected 4, found 3)"));
   writeText(folder / "sparse/0/cameras.txt", "1 PINHOLE 16 12 -20 21 7.5 6.5\n");
   CHECK_THAT(refusal(folder.path), Contains("focal length is not positive"));
+  writeText(folder / "sparse/0/cameras.txt", "1 PINHOLE 16 0 20 21 7.5 6.5\n");
+  CHECK_THAT(refusal(folder.path), Contains("image size out of range (expected 1 to 1048576 pixels a side, found 16"));
+  writeText(folder / "sparse/0/cameras.txt", "1 SIMPLE_RADIAL 16 12 20 8 6 1e20\n");
+  CHECK_THAT(refusal(folder.path), Contains(".png: the lens distortion is implausible"));
 }
 
 TEST_CASE("refuses what is no data set and says what it looked for", "[dataset]") {
@@ -311,7 +392,19 @@ TEST_CASE("refuses broken transforms.json with the frame it is about", "[dataset
   CHECK_THAT(refused(implausible), Contains("3 ") && Contains("a.png: the lens distortion (OPENCV) is implausible"));
   Json huge = pinhole({frame("a.png")});
   huge["w"] = 1e12;
-  CHECK_THAT(refused(huge), Contains("image size out of range"));
+  CHECK_THAT(refused(huge), Contains("transforms.json: image size out of range (expected 1 to 1048576 pixels a side"));
+  // What a frame says is told of the frame.
+  for (const auto& [key, value] : {std::pair<const char*, Json>("fl_x", "20"),
+                                   {"fl_y", -1},
+                                   {"camera_angle_x", 7},
+                                   {"w", 1e12},
+                                   {"k4", 0.1},
+                                   {"camera_model", "EQUIRECTANGULAR"}}) {
+    Json json = pinhole({frame("a.png"), frame("a.png")});
+    json["frames"][1][key] = value;
+    INFO(key);
+    CHECK_THAT(refused(json), Contains("transforms.json: frame 1: "));
+  }
 
   writeText(folder / "transforms.json", pinhole({frame("a.png")}).dump());
   writeText(folder / "a.png", "not an image");

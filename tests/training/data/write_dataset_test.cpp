@@ -119,6 +119,25 @@ TEST_CASE("a folder that holds a data set is not written over without being aske
   CHECK(write(true) == "written");
 }
 
+TEST_CASE("a data set that could not be replaced whole is none", "[dataset]") {
+  tg::TemporaryFolder folder;
+  tg::writeDataset(folder.path, dataset(), false);
+  fs::remove(folder / "points3d.ply");
+  fs::create_directory(folder / "points3d.ply");  // nothing can be written there, once photographs are
+  std::ofstream(folder / "points3d.ply/file") << "";
+  CHECK_THROWS(tg::writeDataset(folder.path, dataset(), true));
+  CHECK_FALSE(tg::hasCameras(folder.path));
+}
+
+TEST_CASE("names that JSON does not hold are refused before anything is written", "[dataset]") {
+  tg::TemporaryFolder folder;
+  tg::Dataset latin = dataset();
+  latin.views[1].name = "f\xe9.png";
+  CHECK_THROWS_WITH(tg::writeDataset(folder / "out", latin, false),
+                    Contains("is no UTF-8, which transforms.json is written in"));
+  CHECK_FALSE(fs::exists(folder / "out"));
+}
+
 TEST_CASE("photographs that a data set reads are not written over, wherever they lie", "[dataset]") {
   tg::TemporaryFolder folder;
   tg::writeDataset(folder / "first", dataset(), false);
