@@ -273,9 +273,23 @@ TEST_CASE("what COLMAP cannot do is an error with its last words", "[photos]") {
   std::ofstream(trial / "fail_mapper") << "";
   const Outcome mapper = trial.photos("photos -o model.tgz" + kShort);
   CHECK(mapper.code == 3);
-  CHECK_THAT(mapper.output, Contains("no cameras found. What helps: ") && Contains("what a pity"));
+  CHECK_THAT(mapper.output, Contains("tgtrain: photos: no cameras found (expected some photographs that hang together, "
+                                     "found none). What helps: ") &&
+                                Contains("what a pity"));
+  CHECK_THAT(mapper.output, Contains("left out: IMG 5.jpg: too little to hold on to: 7 features"));
+  CHECK_FALSE(fs::exists(trial / "model.photos/sparse.part"));
   CHECK_THAT(mapper.output, Contains("photographs: done before"));
   CHECK_FALSE(fs::exists(trial / "model.tgz"));
+}
+
+TEST_CASE("cameras of before do not stand beside photographs of now", "[photos]") {
+  const Trial trial;
+  REQUIRE(trial.photos("photos -o model.tgz" + kShort).code == 0);
+  CHECK(tg::hasCameras(trial / "model.photos"));
+  tg::writeImage(trial / "photos/IMG 0.jpg", tg::readImage(trial / "photos/IMG 1.jpg"));
+  std::ofstream(trial / "fail_feature_extractor") << "";
+  CHECK(trial.photos("photos -o model.tgz --overwrite" + kShort).code == 3);
+  CHECK_FALSE(tg::hasCameras(trial / "model.photos"));
 }
 
 TEST_CASE("a film gives its sharpest frames", "[photos]") {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <numbers>
 #include <numeric>
+#include <tuple>
 
 namespace tg {
 namespace {
@@ -64,9 +65,10 @@ Pairs spatialPairs(const std::vector<Place>& places) {
     }
     std::iota(others.begin(), others.end(), std::size_t{0});
     const std::size_t kept = std::min(kNearest + 1, others.size());
-    std::partial_sort(
-        others.begin(), others.begin() + static_cast<std::ptrdiff_t>(kept), others.end(),
-        [&](std::size_t a, std::size_t b) { return std::pair(distance[a], a) < std::pair(distance[b], b); });
+    // Of those at one place, where a phone had one fix for many, the nearest in order.
+    const auto rank = [&](std::size_t j) { return std::tuple(distance[j], i < j ? j - i : i - j, j); };
+    std::partial_sort(others.begin(), others.begin() + static_cast<std::ptrdiff_t>(kept), others.end(),
+                      [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
     for (std::size_t k = 0; k < kept; ++k) {
       if (others[k] != i) pairs.emplace_back(std::min(i, others[k]), std::max(i, others[k]));
     }

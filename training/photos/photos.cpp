@@ -90,6 +90,8 @@ class Job {
         stage == PhotoStage::photographs ? fs::is_directory(images(), ignored) : isFile(files().database);
     if (there && ledger_.isDone(stage, made_of)) return listener_.say(title + ": done before");
     const bool goes_on = there && ledger_.isBegun(stage, made_of);
+    // Cameras of before are not of what comes now, and with them the folder would count as a data set.
+    for (const char* cameras : {"sparse", "sparse.part"}) fs::remove_all(work_ / cameras, ignored);
     if (!goes_on) ledger_.begin(stage, made_of);
     const auto start = std::chrono::steady_clock::now();
     const auto [told, result] = work(goes_on);
@@ -237,11 +239,11 @@ class Job {
     } catch (const Error& error) {
       // It also fails where it finds none.
       if (error.kind != ErrorKind::badData || !findModels(part).empty()) throw;
-      throw Error(ErrorKind::badData, std::string("no cameras found. ") + kAdvice + " (" + error.what() + ")");
+      foundNone(std::string(" (") + error.what() + ")");
     }
     listener_.progress("cameras", count, count);
     const std::vector<FoundModel> models = findModels(part);
-    if (models.empty()) throw Error(ErrorKind::badData, std::string("no cameras found. ") + kAdvice);
+    if (models.empty()) foundNone("");
     if (models.size() > 1) {
       std::string sizes;
       for (std::size_t i = 1; i < models.size(); ++i) {
@@ -260,14 +262,18 @@ class Job {
     return {"found", "null"};
   }
 
-  // What came out, and whether it is enough; also when the stage was done before.
-  void judge(bool film) {
-    const ColmapSummary summary = summarizeColmap(work_ / "sparse/0");
-    const std::size_t count = photographs_.size(), placed = summary.images.size();
-    listener_.say("cameras: " + std::to_string(placed) + " of " + std::to_string(count) +
-                  (film ? " frames" : " photographs") +
-                  formatted(", %zu points, mean reprojection error %.2f px", summary.points, summary.error));
-    const std::set<std::string> have(summary.images.begin(), summary.images.end());
+  // `why`: in COLMAP's words, or "".
+  [[noreturn]] void foundNone(const std::string& why) const {
+    std::error_code ignored;
+    fs::remove_all(work_ / "sparse.part", ignored);
+    nameLeftOut({});
+    throw Error(
+        ErrorKind::badData, options_.input.string(),
+        "no cameras found" + expectedFound("some photographs that hang together", "none") + ". " + kAdvice + why);
+  }
+
+  // All but those that have a camera.
+  void nameLeftOut(const std::set<std::string>& have) const {
     std::vector<std::string> names;
     std::vector<const Prepared*> left_out;
     for (const Prepared& photograph : photographs_) {
@@ -280,6 +286,16 @@ class Job {
       listener_.warn("left out: " + left_out[i]->source + (reasons[i].empty() ? "" : ": " + reasons[i]));
     }
     if (names.size() > kMostNamed) listener_.warn("left out: " + std::to_string(names.size() - kMostNamed) + " more");
+  }
+
+  // What came out, and whether it is enough; also when the stage was done before.
+  void judge(bool film) {
+    const ColmapSummary summary = summarizeColmap(work_ / "sparse/0");
+    const std::size_t count = photographs_.size(), placed = summary.images.size();
+    listener_.say("cameras: " + std::to_string(placed) + " of " + std::to_string(count) +
+                  (film ? " frames" : " photographs") +
+                  formatted(", %zu points, mean reprojection error %.2f px", summary.points, summary.error));
+    nameLeftOut({summary.images.begin(), summary.images.end()});
     const double percent = 100.0 * static_cast<double>(placed) / static_cast<double>(count);
     if (placed < kFewestCameras || percent < options_.least_registered) {
       throw Error(ErrorKind::badData, options_.input.string(),
@@ -294,8 +310,7 @@ class Job {
 
   static constexpr const char* kAdvice =
       "What helps: more photographs, each sharing two thirds of its view with the next; walk around rather than turn "
-      "on the "
-      "spot; sharp pictures, no zoom, no mirrors, something with a pattern in view; --matching exhaustive.";
+      "on the spot; sharp pictures, no zoom, no mirrors, something with a pattern in view; --matching exhaustive.";
 
   const PhotosOptions& options_;
   Ledger& ledger_;

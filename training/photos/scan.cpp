@@ -95,11 +95,19 @@ PictureFormat pictureFormat(std::span<const std::uint8_t> start) {
   return PictureFormat::none;
 }
 
-PhotographList findPhotographs(const fs::path& folder) {
+namespace {
+
+// Whether a folder is another one or lies in it; both as fs::canonical() has them.
+bool isWithin(const fs::path& inner, const fs::path& outer) {
+  return std::ranges::mismatch(outer, inner).in1 == outer.end();
+}
+
+// What lies in `walked`, by its names below `folder`. Links to folders are left to the caller.
+std::vector<fs::path> addFiles(const fs::path& walked, const fs::path& folder, std::size_t& files,
+                               PhotographList& list) {
+  std::vector<fs::path> links;
   std::error_code error;
-  PhotographList list;
-  std::size_t files = 0;
-  fs::recursive_directory_iterator entries(folder, error), end;
+  fs::recursive_directory_iterator entries(walked, error), end;
   for (; !error && entries != end; entries.increment(error)) {
     const fs::path path = entries->path();
     std::error_code ignored;
@@ -112,6 +120,7 @@ PhotographList findPhotographs(const fs::path& folder) {
       entries.disable_recursion_pending();
       continue;
     }
+    if (entries->is_directory(ignored) && entries->is_symlink(ignored)) links.push_back(path);
     if (!entries->is_regular_file(ignored)) continue;
     if (++files > kMaxFiles) {
       throw Error(ErrorKind::badData, folder.string(), "too many files" + atMost(kMaxFiles, files));
@@ -127,7 +136,32 @@ PhotographList findPhotographs(const fs::path& folder) {
       list.ignored.push_back(below.string() + (::access(path.c_str(), R_OK) == 0 ? "" : " (" + systemReason() + ")"));
     }
   }
-  if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot list: " + error.message());
+  if (error) throw Error(ErrorKind::cannotRead, walked.string(), "cannot list: " + error.message());
+  return links;
+}
+
+}  // namespace
+
+PhotographList findPhotographs(const fs::path& folder) {
+  PhotographList list;
+  std::size_t files = 0;
+  // Folders to walk through, and the places where they are: the folder itself, then those that links lead to, which may
+  // not be looked into twice, nor in circles.
+  std::vector<fs::path> walks = {folder}, places;
+  for (std::size_t walk = 0; walk < walks.size(); ++walk) {
+    std::error_code unknown;
+    const fs::path place = fs::canonical(walks[walk], unknown);
+    const auto overlaps = [&](const fs::path& other) { return isWithin(place, other) || isWithin(other, place); };
+    if (walk > 0 && std::ranges::any_of(places, overlaps)) {
+      list.ignored.push_back(walks[walk].lexically_relative(folder).string() +
+                             " (a link to or above what is looked into anyway)");
+      continue;
+    }
+    places.push_back(place);
+    std::vector<fs::path> links = addFiles(walks[walk], folder, files, list);
+    std::ranges::sort(links);
+    walks.insert(walks.end(), links.begin(), links.end());
+  }
   std::ranges::sort(list.photographs);
   for (std::vector<std::string>* names : {&list.unread, &list.films, &list.ignored}) std::ranges::sort(*names);
   // Empty and broken photographs before what was never meant to be one.

@@ -24,8 +24,8 @@ struct PhotographList {
   std::vector<std::string> ignored;                // other files below it
 };
 
-// Of a folder and those in it, but for hidden ones, __MACOSX and work folders of tgtrain photos. Throws
-// Error(cannotRead) for a folder that cannot be listed.
+// Of a folder and those in it, also by links to folders, but for hidden ones, __MACOSX and work folders of tgtrain
+// photos. Throws Error(cannotRead) for a folder that cannot be listed.
 PhotographList findPhotographs(const std::filesystem::path& folder);
 
 // A photograph, and the first one that has the same bytes.

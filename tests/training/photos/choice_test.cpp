@@ -160,6 +160,10 @@ TEST_CASE("neighbours are matched, and loops are closed, without all pairs", "[p
   CHECK(near.size() < 250 * 36);
   CHECK(std::ranges::count(near, std::pair<std::size_t, std::size_t>(0, 2)) == 1);
   CHECK(std::ranges::count(near, std::pair<std::size_t, std::size_t>(0, 249)) == 0);
+  // A phone without a new fix: neighbours by name.
+  const tg::Pairs same = tg::spatialPairs(std::vector<tg::Place>(250, {47, 8}));
+  CHECK(std::ranges::count(same, std::pair<std::size_t, std::size_t>(200, 215)) == 1);
+  CHECK(std::ranges::count(same, std::pair<std::size_t, std::size_t>(0, 200)) == 0);
 
   using tg::Matching;
   const std::vector<std::optional<tg::Place>> unknown(201), known(201, tg::Place{1, 2});

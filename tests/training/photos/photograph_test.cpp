@@ -343,6 +343,24 @@ TEST_CASE("files are photographs by their bytes, and the others are named", "[ph
   CHECK_FALSE(tg::isForPhotos(folder / "in"));
 }
 
+TEST_CASE("links to folders are followed once and never in circles", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* name : {"in/sub/a.jpg", "more/b.jpg", "more/deep/c.jpg"}) {
+    fs::create_directories((folder / name).parent_path());
+    tg::writeImage(folder / name, picture());
+  }
+  fs::create_directory_symlink("../more", folder / "in/link");
+  fs::create_directory_symlink("../more", folder / "in/link again");
+  fs::create_directory_symlink("sub", folder / "in/own");
+  fs::create_directory_symlink("../..", folder / "in/sub/up");
+  fs::create_directory_symlink("../../in", folder / "more/deep/back");
+  const tg::PhotographList list = tg::findPhotographs(folder / "in");
+  CHECK(list.photographs == std::vector<fs::path>{"link/b.jpg", "link/deep/c.jpg", "sub/a.jpg"});
+  const std::string why = " (a link to or above what is looked into anyway)";
+  CHECK(list.ignored ==
+        std::vector<std::string>{"link again" + why, "link/deep/back" + why, "own" + why, "sub/up" + why});
+}
+
 TEST_CASE("a photograph of another's bytes is its copy, one of its size alone is not", "[photos]") {
   const tg::TemporaryFolder folder;
   const auto put = [&](const std::string& name, const std::string& text) { std::ofstream(folder / name) << text; };
