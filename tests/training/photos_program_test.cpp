@@ -418,7 +418,8 @@ TEST_CASE("a film of the real ffmpeg becomes frames, the right way up", "[photos
   TG_SKIP_IF(run(trial, "command -v ffmpeg").code == 0 ? "" : "no ffmpeg");
   fs::remove(trial / "bin/ffmpeg");
   REQUIRE(run(trial,
-              "ffmpeg -v error -framerate 5 -pattern_type glob -i 'photos/*.jpg' -vf scale=96:64 -q:v 2 'my film.avi'")
+              "ffmpeg -v error -framerate 5 -pattern_type glob -i 'photos/*.jpg' -vf scale=96:64,setsar=1 -q:v 2 'my "
+              "film.avi'")
               .code == 0);
   std::ofstream(trial / "fail_mapper") << "";
   const Outcome made = trial.photos("'my film.avi' -o model.tgz --frames 4 --longest-side 48");
@@ -429,6 +430,33 @@ TEST_CASE("a film of the real ffmpeg becomes frames, the right way up", "[photos
   for (const fs::directory_entry& entry : fs::directory_iterator(trial / "model.photos/images")) {
     const tg::Image image = tg::readImage(entry.path());
     CHECK((image.width == 48 && image.height == 32));
+    ++frames;
+  }
+  CHECK(frames == 4);
+}
+
+TEST_CASE("frames of an interlaced film with wide pixels are whole and have square ones", "[photos]") {
+  const Trial trial(3);
+  TG_SKIP_IF(run(trial, "command -v ffmpeg").code == 0 ? "" : "no ffmpeg");
+  fs::remove(trial / "bin/ffmpeg");
+  // An upright edge that moves by three pixels from field to field.
+  REQUIRE(run(trial,
+              "ffmpeg -v error -f lavfi -i \"color=black:size=48x64:rate=20:duration=0.6,format=yuv420p,"
+              "geq=lum='255*gt(X,3*N+3)':cb=128:cr=128,tinterlace=interleave_top,setdar=4/3,setfield=tff\" "
+              "-c:v mpeg2video -flags +ildct+ilme -q:v 1 fields.avi")
+              .code == 0);
+  std::ofstream(trial / "fail_mapper") << "";
+  const Outcome made = trial.photos("fields.avi -o model.tgz --frames 4");
+  INFO(made.output);
+  CHECK_THAT(made.output, Contains("the film's pixels are no squares (16:9)"));
+  CHECK_THAT(made.output, Contains("4 of 6 frames are kept, 85 x 64"));
+  int frames = 0;
+  for (const fs::directory_entry& entry : fs::directory_iterator(trial / "model.photos/images")) {
+    const tg::Image image = tg::readImage(entry.path());
+    REQUIRE((image.width == 85 && image.height == 64));
+    float most = 0;
+    for (int x = 0; x < 85; ++x) most = std::max(most, std::abs(image.at(x, 31, 1) - image.at(x, 32, 1)));
+    CHECK(most < 0.2f);
     ++frames;
   }
   CHECK(frames == 4);
@@ -447,7 +475,8 @@ TEST_CASE("frames of a film in HDR look like those of the film that is not", "[p
   CAPTURE(transfer);
   // 33 x 47: an odd side for the maps.
   const std::string to_hdr =
-      "scale=66:94,format=gbrpf32le,zscale=tin=bt709:pin=bt709:min=gbr:rin=full:t=linear:p=bt709:m=gbr:r=full:npl=203,"
+      "scale=66:94,setsar=1,format=gbrpf32le,zscale=tin=bt709:pin=bt709:min=gbr:rin=full:t=linear:p=bt709:m=gbr:r=full:"
+      "npl=203,"
       "zscale=p=bt2020:t=" +
       transfer + ":m=bt2020nc:r=tv:npl=203,format=yuv420p10le";
   REQUIRE(run(trial, "ffmpeg -v error -framerate 5 -f image2 -i 'photos/IMG %d.jpg' -vf '" + to_hdr +

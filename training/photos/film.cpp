@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "core/system/assert.h"
@@ -13,6 +14,7 @@
 namespace tg {
 namespace {
 
+constexpr double kAlmostSquare = 0.005;  // what rounded sides make of squares, too little to resample for
 constexpr std::size_t kJudgedBytes = std::size_t{kJudgedSide} * kJudgedSide;
 
 // ffmpeg takes "a:b" for a protocol and "-x" for an option.
@@ -68,11 +70,14 @@ std::vector<std::size_t> sharpestFrames(std::span<const double> sharpness, std::
 namespace {
 
 // The film's first stream of moving pictures (V: no cover) through a filter, a picture out for each that the filter
-// lets through.
+// lets through. Before it, frames that say so are put together from their two fields, which takes the frames around
+// them; the others pass as they are. What is said of the stream as a whole is often wrong.
 std::vector<std::string> filtered(const std::string& ffmpeg, const std::filesystem::path& film,
                                   const std::string& filter) {
-  return {ffmpeg,  "-nostdin", "-hide_banner", "-i",        fileWord(film), "-map",
-          "0:V:0", "-vf",      filter,         "-fps_mode", "passthrough"};
+  return {ffmpeg,      "-nostdin",     "-hide_banner",
+          "-i",        fileWord(film), "-map",
+          "0:V:0",     "-vf",          "bwdif=mode=send_frame:deint=interlaced," + filter,
+          "-fps_mode", "passthrough"};
 }
 
 // Not 0 for these frames. ffmpeg takes at most 100 terms of a sum in a row, hence the brackets.
@@ -108,7 +113,9 @@ std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::fil
                                        const std::filesystem::path& folder, const FilmFacts& facts, bool mapped) {
   TG_ASSERT(!frames.empty(), "frames to take");
   // A JPEG has BT.601's colours, whatever the film has.
-  std::string filter = "select='" + anyOf(frames) + "',scale=out_color_matrix=bt601:flags=area";
+  std::string filter = "select='" + anyOf(frames) + "',";
+  if (!facts.pixelShape().empty()) filter += "scale=w='round(iw*sar)':h=ih,";
+  filter += "scale=out_color_matrix=bt601:flags=area";
   if (longest > 0) {
     const std::string most = std::to_string(longest);
     filter += ":w='min(iw," + most + ")':h='min(ih," + most + ")':force_original_aspect_ratio=decrease";
@@ -138,6 +145,14 @@ void FilmFacts::read(std::string_view line) {
     if (const auto rate = parseWhole<double>(line.substr(begin, at - begin)); rate && *rate > 0 && *rate < 1e4) {
       per_second_ = *rate;
     }
+  }
+  // "720x576 [SAR 16:15 DAR 4:3], SAR 64:45 DAR 16:9": of the codec and, where it says otherwise, of the container
+  if (const std::size_t at = line.rfind("SAR "); at != line.npos) {
+    const std::string_view shape = line.substr(at + 4, line.find(' ', at + 4) - at - 4);
+    const std::size_t colon = shape.find(':');
+    const auto wide = parseWhole<double>(shape.substr(0, colon));
+    const auto high = colon == shape.npos ? std::nullopt : parseWhole<double>(shape.substr(colon + 1));
+    if (wide && high && *high > 0 && std::abs(*wide / *high - 1) > kAlmostSquare) pixel_shape_ = shape;
   }
   // "yuv420p10le(tv, bt2020nc/bt2020/arib-std-b67)"
   for (const auto& [word, transfer] :

@@ -40,12 +40,14 @@ class FilmFacts {
   bool onlySound() const { return opened_ && !seen_; }
   Transfer transfer() const { return transfer_; }
   bool saysColours() const { return says_colours_; }  // whether primaries and matrix of HDR are in the stream
+  const std::string& pixelShape() const { return pixel_shape_; }  // "4:3" of pixels that are no squares, else ""
 
  private:
   double seconds_ = 0;
   double per_second_ = 0;
   Transfer transfer_ = Transfer::sdr;
   bool says_colours_ = false;
+  std::string pixel_shape_;
   bool opened_ = false;  // a file that it can read
   bool seen_ = false;    // the line of that stream
 };
@@ -60,9 +62,9 @@ class FilterList {
   bool zscale_ = false, tonemap_ = false;
 };
 
-// Arguments of ffmpeg: its filters; every frame as a grey square to standard output; those frames as
-// `folder`/%06d.jpg, counted from 1, no side longer than `longest` [px] (0: any), `mapped` to a common screen if the
-// film is in HDR.
+// Arguments of ffmpeg: its filters; every frame as a grey square to standard output; of the same frames those frames as
+// `folder`/%06d.jpg, counted from 1, with square pixels and without interlacing, no side longer than `longest` [px]
+// (0: any), `mapped` to a common screen if the film is in HDR.
 std::vector<std::string> listFilters(const std::string& ffmpeg);
 std::vector<std::string> judgeFrames(const std::string& ffmpeg, const std::filesystem::path& film);
 std::vector<std::string> extractFrames(const std::string& ffmpeg, const std::filesystem::path& film,

@@ -160,6 +160,9 @@ std::vector<Prepared> prepareFilm(const PhotosOptions& options, const fs::path& 
                     expectedFound("at least " + std::to_string(kFewestPhotographs) + " frames, better 30 seconds",
                                   std::to_string(chosen.size())));
   }
+  if (!facts.pixelShape().empty()) {
+    listener.say("the film's pixels are no squares (" + facts.pixelShape() + "): frames are stretched until they are");
+  }
   FilterList filters;
   if (facts.transfer() != Transfer::sdr) {
     runChild({listFilters(ffmpeg->string()), log, [&](std::string_view line) { filters.read(line); }, {}}, stop);

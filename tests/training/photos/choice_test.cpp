@@ -56,7 +56,8 @@ TEST_CASE("ffmpeg is told of files, not of options or protocols", "[photos]") {
     return *(std::ranges::find(all, flag) + 1);
   };
   CHECK(after("-i") == "file:/a/-y:b.mp4");
-  CHECK(after("-vf").starts_with("select='(eq(n,3)+eq(n,17))',scale=out_color_matrix=bt601:"));
+  CHECK(after("-vf").starts_with(
+      "bwdif=mode=send_frame:deint=interlaced,select='(eq(n,3)+eq(n,17))',scale=out_color_matrix=bt601:"));
   CHECK(words(true).back() == "file:/x/50%%/im/%06d.jpg");
   CHECK(std::ranges::count(words(true), std::string("-nostdin")) == 1);
   for (const char* line :
@@ -79,6 +80,20 @@ TEST_CASE("ffmpeg is told of files, not of options or protocols", "[photos]") {
   facts.read("  Stream #0:0: Video: hevc, yuv420p10le(tv, bt2020nc/unknown/smpte2084, progressive), 640x480, 10 fps");
   CHECK(facts.transfer() == tg::Transfer::pq);
   CHECK_THAT(after("-vf"), Contains(":pin=bt2020:min=bt2020nc:tin=smpte2084,"));
+
+  CHECK(facts.pixelShape().empty());
+  CHECK_THAT(after("-vf"), !Contains("sar"));
+  const std::string stream = "  Stream #0:0: Video: h264, yuv420p, 1440x1080 [SAR 1:1 DAR 4:3], ";
+  facts = {};
+  facts.read(stream + "25 fps");
+  CHECK(facts.pixelShape().empty());
+  facts = {};
+  facts.read(stream + "SAR 1217:1216 DAR 4:3, 25 fps");
+  CHECK(facts.pixelShape().empty());
+  facts = {};
+  facts.read(stream + "SAR 4:3 DAR 16:9, 25 fps");
+  CHECK(facts.pixelShape() == "4:3");
+  CHECK_THAT(after("-vf"), Contains(",scale=w='round(iw*sar)':h=ih,scale="));
 
   tg::FilterList filters;
   filters.read(" .S. tonemap           V->V       Conversion to/from different dynamic ranges.");
