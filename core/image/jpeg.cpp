@@ -124,6 +124,9 @@ struct Encoder {
     info.in_color_space = channels == 1 ? JCS_GRAYSCALE : JCS_RGB;
     jpeg_set_defaults(&info);
     jpeg_set_quality(&info, quality, TRUE);
+    for (int i = 0; i < info.num_components; ++i) {  // colours as fine as light: photographs are trained from these
+      info.comp_info[i].h_samp_factor = info.comp_info[i].v_samp_factor = 1;
+    }
     jpeg_start_compress(&info, TRUE);
     return true;
   }

@@ -287,8 +287,9 @@ TakenPhotograph decodePhotograph(Bytes bytes, const std::string& path) {
     exif = format == PictureFormat::jpeg ? exifOfJpeg(bytes) : exifOfChunks(bytes, 8, "eXIf", true);
   }
   photograph.facts = readExif(exif, photograph.image.width, photograph.image.height);
-  photograph.as_stored =
-      format == PictureFormat::jpeg && photograph.facts.orientation == 1 && !photograph.facts.focal_refused;
+  constexpr std::size_t kDepthInPng = 24;  // of its header's bits a channel; COLMAP and others want 8 at most
+  const bool readable = format == PictureFormat::jpeg || (format == PictureFormat::png && bytes[kDepthInPng] <= 8);
+  if (readable && photograph.facts.orientation == 1 && !photograph.facts.focal_refused) photograph.as_stored = format;
   photograph.image = turned(withoutOpaqueAlpha(std::move(photograph.image)), photograph.facts.orientation);
   return photograph;
 }

@@ -32,7 +32,8 @@ ExifFacts readExif(std::span<const std::uint8_t> block, int width, int height);
 struct TakenPhotograph {
   Image image;  // 1, 3 or 4 channels, upright
   ExifFacts facts;
-  bool as_stored = false;  // a JPEG that nothing had to be done to: it is upright, and COLMAP may read its EXIF
+  // JPEG, or PNG of 8 bits, that nothing had to be done to: it is upright, and COLMAP may read its EXIF; else `none`.
+  PictureFormat as_stored = PictureFormat::none;
 };
 
 // Throws Error(cannotRead / badData).

@@ -68,16 +68,17 @@ Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_si
     };
     const int width = reduced(photograph.image.width), height = reduced(photograph.image.height);
     photograph.image = reducedTo(std::move(photograph.image), width, height);
-    photograph.as_stored = false;
+    photograph.as_stored = PictureFormat::none;
   }
   Prepared prepared;
-  prepared.name = plain_name + (photograph.image.channels == 4 ? ".png" : ".jpg");
+  const bool png = photograph.as_stored == PictureFormat::png || photograph.image.channels == 4;
+  prepared.name = plain_name + (png ? ".png" : ".jpg");
   prepared.width = photograph.image.width;
   prepared.height = photograph.image.height;
   prepared.camera = photograph.facts.camera;
   prepared.focal = photograph.facts.focal_per_diagonal * std::hypot(double(prepared.width), double(prepared.height));
   prepared.place = photograph.facts.place;
-  if (photograph.as_stored) {
+  if (photograph.as_stored != PictureFormat::none) {
     copyFileAtomically(source, folder / prepared.name);
   } else {
     writeImage(folder / prepared.name, photograph.image);

@@ -153,6 +153,17 @@ TEST_CASE("JPEG keeps a smooth picture within its quality, in colour and grey") 
   }
 }
 
+TEST_CASE("JPEG keeps the colours of neighbouring pixels apart") {
+  const tg::TemporaryFolder folder;
+  Image image(16, 16, 3);
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 16; ++x) image.at(x, y, x % 2 ? 0 : 2) = 0.8f;
+  }
+  tg::writeImage(folder / "a.jpg", image);
+  const Image back = tg::readImage(folder / "a.jpg");
+  for (std::size_t i = 0; i < image.data.size(); ++i) REQUIRE(back.data[i] == Approx(image.data[i]).margin(0.1));
+}
+
 TEST_CASE("a JPEG cut anywhere is refused") {
   const tg::TemporaryFolder folder;
   tg::writeImage(folder / "a.jpg", bytesImage(40, 24, 3));

@@ -4,6 +4,7 @@
 
 #include <libheif/heif.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -19,6 +20,7 @@
 #include "support/temporary_folder.h"
 #include "training/photos/child.h"
 #include "training/photos/heif_references.h"
+#include "training/photos/prepare.h"
 
 namespace fs = std::filesystem;
 
@@ -95,7 +97,7 @@ TEST_CASE("a photograph is turned as its EXIF says, and its lens is known", "[ph
   const tg::TakenPhotograph photograph = tg::readPhotograph(folder / "a.jpg");
   CHECK(photograph.image.width == 30);
   CHECK(photograph.image.height == 40);
-  CHECK_FALSE(photograph.as_stored);
+  CHECK(photograph.as_stored == tg::PictureFormat::none);
   // Orientation 6: what is stored on the left is the top.
   CHECK(photograph.image.at(15, 5, 0) > 0.9f);
   CHECK(photograph.image.at(15, 35, 2) > 0.9f);
@@ -103,7 +105,7 @@ TEST_CASE("a photograph is turned as its EXIF says, and its lens is known", "[ph
   CHECK(photograph.facts.focal_per_diagonal == Approx(26 / 43.2666).epsilon(1e-4));
 
   tg::writeImage(folder / "plain.jpg", picture());
-  CHECK(tg::readPhotograph(folder / "plain.jpg").as_stored);
+  CHECK(tg::readPhotograph(folder / "plain.jpg").as_stored == tg::PictureFormat::jpeg);
   CHECK(tg::readPhotograph(folder / "plain.jpg").facts.focal_per_diagonal == 0);
 }
 
@@ -130,7 +132,7 @@ TEST_CASE("a cropped photograph has no known lens, and a broken block says nothi
     writeJpegWithExif(folder / "a.jpg", exifBlock({}, {{0xa002, 3, static_cast<std::uint32_t>(width)},
                                                        {0xa003, 3, 30},
                                                        {0xa405, 3, static_cast<std::uint32_t>(equivalent)}}));
-    return tg::readPhotograph(folder / "a.jpg").as_stored;
+    return tg::readPhotograph(folder / "a.jpg").as_stored != tg::PictureFormat::none;
   };
   CHECK(stored(40, 26));
   CHECK_FALSE(stored(60, 26));
@@ -341,6 +343,34 @@ TEST_CASE("files are photographs by their bytes, and the others are named", "[ph
   CHECK_FALSE(tg::isForPhotos(folder / "in/notes.txt"));
   std::ofstream(folder / "in/transforms.json") << "{}";
   CHECK_FALSE(tg::isForPhotos(folder / "in"));
+}
+
+TEST_CASE("photographs that need nothing are copied byte by byte and others are written anew", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* below : {"in", "out"}) fs::create_directory(folder / below);
+  tg::writeImage(folder / "in/a.png", picture());
+  tg::writeFileAtomically(folder / "in/b.png", tg::encodePng16(picture()));
+  tg::writeImage(folder / "in/c.jpg", picture());
+  tg::PhotosOptions options;
+  options.input = folder / "in";
+  tg::PhotosListener listener;
+  listener.say = listener.warn = [](const std::string&) {};
+  listener.progress = [](const std::string&, std::size_t, std::size_t) {};
+  const std::atomic<int> stop{0};
+  const auto names = [&] {
+    std::vector<std::string> list;
+    for (const tg::Prepared& photograph :
+         tg::prepareImages(options, folder / "out", folder / "log.txt", listener, stop)) {
+      list.push_back(photograph.name);
+    }
+    return list;
+  };
+  CHECK(names() == std::vector<std::string>{"a.png", "b.jpg", "c.jpg"});
+  for (const char* name : {"a.png", "c.jpg"}) {
+    CHECK(tg::readFile(folder / "in" / name, 1 << 20) == tg::readFile(folder / "out" / name, 1 << 20));
+  }
+  options.longest_side = 20;
+  CHECK(names() == std::vector<std::string>{"a.jpg", "b.jpg", "c.jpg"});
 }
 
 TEST_CASE("links to folders are followed once and never in circles", "[photos]") {
