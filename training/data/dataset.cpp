@@ -152,18 +152,14 @@ bool useReducedFolder(const fs::path& folder, int factor, DatasetIndex& index, s
   return true;
 }
 
-// A mask that goes with the photograph by its name: for images/a/b.jpg the first that exists of masks/a/b.jpg.png (as
-// COLMAP names them), masks/a/b.jpg.mask.png and masks/a/b.png; masks_N before masks where images_N is read.
+// A mask that goes with the photograph by its name: of images/a/b.jpg below masks/a; masks_N before masks where
+// images_N is read.
 fs::path findMask(const fs::path& folder, const std::vector<std::string>& mask_folders,
                   const DatasetIndex::Entry& entry) {
   const fs::path below =
       entry.below_images.empty() ? entry.image.lexically_relative(folder) : fs::path(entry.below_images);
   for (const std::string& masks : mask_folders) {
-    const std::string name = (folder / masks / below).string();
-    for (const fs::path& candidate :
-         {fs::path(name + ".png"), fs::path(name + ".mask.png"), fs::path(name).replace_extension(".png")}) {
-      if (isFile(candidate)) return candidate;
-    }
+    if (fs::path mask = maskNamedFor(folder / masks / below); !mask.empty()) return mask;
   }
   return {};
 }
@@ -596,6 +592,14 @@ double sceneExtent(const Dataset& dataset, double distances) {
   const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
   std::nth_element(nearest.begin(), middle, nearest.end());
   return std::min(extent > kOnePlace * *middle ? extent : 1.0, distances * *middle);
+}
+
+fs::path maskNamedFor(const fs::path& name) {
+  for (const fs::path& candidate : {fs::path(name.string() + ".png"), fs::path(name.string() + ".mask.png"),
+                                    fs::path(name).replace_extension(".png")}) {
+    if (isFile(candidate)) return candidate;
+  }
+  return {};
 }
 
 std::vector<Camera> trainingViews(const Dataset& dataset) {

@@ -93,6 +93,10 @@ double cameraExtent(const Dataset& dataset);
 // [world units]
 double sceneExtent(const Dataset& dataset, double distances);
 
+// The mask of a photograph NAME in a folder of masks: the first that exists of NAME.png (as COLMAP names them),
+// NAME.mask.png and NAME with the extension png; empty: none.
+std::filesystem::path maskNamedFor(const std::filesystem::path& name);
+
 // In order.
 std::vector<Camera> trainingViews(const Dataset& dataset);
 

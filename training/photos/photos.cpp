@@ -102,11 +102,14 @@ class Job {
   using Outcome = std::pair<std::string, std::string>;  // what to say, what to keep
 
   Outcome prepare() {
-    const fs::path part = work_ / "images.part";
+    const fs::path part = work_ / "images.part", masks = work_ / "masks.part";
     makeEmpty(part);
+    makeEmpty(masks);
     const std::vector<Prepared> prepared =
-        prepareImages(options_, part, work_ / "logs/photographs.txt", listener_, stop_);
+        prepareImages(options_, part, masks, work_ / "logs/photographs.txt", listener_, stop_);
     giveName(part, images());
+    giveName(masks, work_ / "masks");
+    if (std::error_code ignored; fs::is_empty(work_ / "masks", ignored)) fs::remove(work_ / "masks", ignored);
     return {std::to_string(prepared.size()) + " prepared", toJson(prepared)};
   }
 

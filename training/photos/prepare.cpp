@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
 #include "core/file/file.h"
@@ -86,7 +88,45 @@ Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_si
   return prepared;
 }
 
-std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path& folder,
+// The mask of a photograph by their names: in a folder masks anywhere along the photograph's path, where it may stand
+// in the place of one called images, also if the input itself is called so. Empty: none.
+fs::path maskOf(const fs::path& input, const fs::path& photograph) {
+  std::vector<fs::path> names;
+  const fs::path place = fs::absolute(input / "").lexically_normal().parent_path();
+  if (place.filename() == "images") names.push_back(place.parent_path() / "masks" / photograph);
+  fs::path above = input;
+  for (auto part = photograph.begin(); part != photograph.end(); above /= *part++) {
+    fs::path below;
+    for (auto at = std::next(part); at != photograph.end(); ++at) below /= *at;
+    names.push_back(above / "masks" / *part / below);
+    if (*part == "images") names.push_back(above / "masks" / below);
+  }
+  for (const fs::path& name : names) {
+    if (fs::path mask = maskNamedFor(name); !mask.empty()) return mask;
+  }
+  return {};
+}
+
+// The mask of an upright photograph of width x height pixels: as it is where it has that shape, else turned with the
+// photograph. Training takes masks that are larger than what a photograph was reduced to.
+void keepMask(const fs::path& mask, int orientation, int width, int height, const fs::path& kept) {
+  Image image = readImage(mask);
+  const bool swaps = orientation >= 5;
+  const bool as_stored = image.width == (swaps ? height : width) && image.height == (swaps ? width : height);
+  if (!as_stored && (image.width != width || image.height != height)) {
+    throw Error(ErrorKind::badData, mask.string(),
+                "is of another size than its photograph" +
+                    expectedFound(std::to_string(width) + " x " + std::to_string(height),
+                                  std::to_string(image.width) + " x " + std::to_string(image.height)));
+  }
+  if (as_stored && orientation > 1) {
+    writeImage(kept, turned(std::move(image), orientation));
+  } else {
+    copyFileAtomically(mask, kept);
+  }
+}
+
+std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path& folder, const fs::path& masks,
                                     const PhotosListener& listener, const std::atomic<int>& stop) {
   PhotographList list = findPhotographs(options.input);
   std::vector<std::string> copies;  // one that is held out while its twin trains would be scored too well
@@ -101,20 +141,39 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
   if (!list.films.empty()) listener.warn(options.input.string() + ": ignored, " + filmWords(options.input, list));
   const std::vector<std::string> names = plainNames(list.photographs);
   std::vector<Prepared> prepared;
+  std::set<fs::path> without_photograph;
+  for (const fs::path& mask : list.masks) without_photograph.insert(options.input / mask);
+  std::size_t masked = 0;
   int largest = 0;  // [px] of the longer sides
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (stop != 0) throw Stopped();
     listener.progress("preparing photographs", i, names.size());
     const fs::path source = options.input / list.photographs[i];
+    const fs::path mask = maskOf(options.input, list.photographs[i]);
+    without_photograph.erase(mask);
     try {
       TakenPhotograph photograph = readPhotograph(source);
-      largest = std::max({largest, photograph.image.width, photograph.image.height});
+      const int orientation = photograph.facts.orientation;
+      const int width = photograph.image.width, height = photograph.image.height;
+      largest = std::max({largest, width, height});
       prepared.push_back(keep(source, std::move(photograph), options.longest_side, folder, names[i]));
       prepared.back().source = list.photographs[i].string();
+      if (mask.empty()) continue;
+      keepMask(mask, orientation, width, height, masks / (prepared.back().name + ".png"));
+      ++masked;
     } catch (const Error& error) {
       if (error.kind == ErrorKind::cannotWrite) throw;
       listener.warn(std::string(error.what()) + ": left out");
     }
+  }
+  if (masked > 0) {
+    listener.say(std::to_string(masked) + " of " + std::to_string(prepared.size()) + " photographs have a mask");
+  }
+  if (!without_photograph.empty()) {
+    std::vector<std::string> ignored;
+    for (const fs::path& mask : without_photograph) ignored.push_back(mask.lexically_relative(options.input).string());
+    listener.warn(options.input.string() + ": ignored, masks of no photograph: " + someOf(ignored) +
+                  " (expected NAME.EXTENSION.png, NAME.EXTENSION.mask.png or NAME.png)");
   }
   listener.progress("preparing photographs", names.size(), names.size());
   if (prepared.size() < kFewestPhotographs) tooFew(options.input, prepared.size(), list);
@@ -237,14 +296,17 @@ std::string madeOf(const PhotosOptions& options) {
   std::string text = size;
   for (const fs::path& photograph : list.photographs) {
     text += photograph.string() + " " + identity(input / photograph) + "\n";
+    if (const fs::path mask = maskOf(input, photograph); !mask.empty()) {
+      text += mask.string() + " " + identity(mask) + "\n";
+    }
   }
   return text;
 }
 
-std::vector<Prepared> prepareImages(const PhotosOptions& options, const fs::path& folder, const fs::path& log,
-                                    const PhotosListener& listener, const std::atomic<int>& stop) {
+std::vector<Prepared> prepareImages(const PhotosOptions& options, const fs::path& folder, const fs::path& masks,
+                                    const fs::path& log, const PhotosListener& listener, const std::atomic<int>& stop) {
   std::error_code ignored;
-  return fs::is_directory(options.input, ignored) ? prepareFolder(options, folder, listener, stop)
+  return fs::is_directory(options.input, ignored) ? prepareFolder(options, folder, masks, listener, stop)
                                                   : prepareFilm(options, folder, log, listener, stop);
 }
 

@@ -24,10 +24,10 @@ struct Prepared {
 // What the stage depends on. Throws Error(cannotRead / badData / usage) for an input that is none.
 std::string madeOf(const PhotosOptions& options);
 
-// Fills an empty folder. Tells of what was left out.
+// Fills an empty folder, and one with the masks that photographs have. Tells of what was left out.
 std::vector<Prepared> prepareImages(const PhotosOptions& options, const std::filesystem::path& folder,
-                                    const std::filesystem::path& log, const PhotosListener& listener,
-                                    const std::atomic<int>& stop);
+                                    const std::filesystem::path& masks, const std::filesystem::path& log,
+                                    const PhotosListener& listener, const std::atomic<int>& stop);
 
 std::string toJson(const std::vector<Prepared>& photographs);
 std::vector<Prepared> preparedFromJson(const std::string& json);

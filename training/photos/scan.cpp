@@ -127,7 +127,9 @@ std::vector<fs::path> addFiles(const fs::path& walked, const fs::path& folder, s
     }
     const fs::path below = path.lexically_relative(folder);
     if (pictureFormat(path) != PictureFormat::none) {
-      list.photographs.push_back(below);
+      const fs::path place = below.parent_path();
+      const bool is_mask = std::find(place.begin(), place.end(), "masks") != place.end();
+      (is_mask ? list.masks : list.photographs).push_back(below);
     } else if (isUnreadName(path)) {
       list.unread.push_back(below.string());
     } else if (isFilmName(path)) {
@@ -163,6 +165,7 @@ PhotographList findPhotographs(const fs::path& folder) {
     walks.insert(walks.end(), links.begin(), links.end());
   }
   std::ranges::sort(list.photographs);
+  std::ranges::sort(list.masks);
   for (std::vector<std::string>* names : {&list.unread, &list.films, &list.ignored}) std::ranges::sort(*names);
   // Empty and broken photographs before what was never meant to be one.
   std::ranges::stable_partition(list.ignored, isPhotographName);

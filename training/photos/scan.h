@@ -19,6 +19,7 @@ PictureFormat pictureFormat(const std::filesystem::path& file);
 
 struct PhotographList {
   std::vector<std::filesystem::path> photographs;  // below the folder, sorted by name
+  std::vector<std::filesystem::path> masks;        // pictures in folders called masks, below the folder, sorted
   std::vector<std::string> unread;                 // pictures in formats that are not read: RAW, TIFF, JPEG XL
   std::vector<std::string> films;                  // which want a command each
   std::vector<std::string> ignored;                // other files below it

@@ -345,32 +345,74 @@ TEST_CASE("files are photographs by their bytes, and the others are named", "[ph
   CHECK_FALSE(tg::isForPhotos(folder / "in"));
 }
 
+namespace {
+
+// The names of what is made of a folder's photographs, in out/ and masks/, and what is said of it.
+std::pair<std::vector<std::string>, std::string> prepared(const tg::TemporaryFolder& folder, const char* input = "in",
+                                                          int longest_side = 1600) {
+  tg::PhotosOptions options;
+  options.input = folder / input;
+  options.longest_side = longest_side;
+  for (const char* made : {"out", "masks"}) tg::makeEmpty(folder / made);
+  std::pair<std::vector<std::string>, std::string> result;
+  tg::PhotosListener listener;
+  listener.say = listener.warn = [&](const std::string& line) { result.second += line + "\n"; };
+  listener.progress = [](const std::string&, std::size_t, std::size_t) {};
+  const std::atomic<int> stop{0};
+  for (const tg::Prepared& photograph :
+       tg::prepareImages(options, folder / "out", folder / "masks", folder / "log.txt", listener, stop)) {
+    result.first.push_back(photograph.name);
+  }
+  return result;
+}
+
+}  // namespace
+
 TEST_CASE("photographs that need nothing are copied byte by byte and others are written anew", "[photos]") {
   const tg::TemporaryFolder folder;
-  for (const char* below : {"in", "out"}) fs::create_directory(folder / below);
+  fs::create_directory(folder / "in");
   tg::writeImage(folder / "in/a.png", picture());
   tg::writeFileAtomically(folder / "in/b.png", tg::encodePng16(picture()));
   tg::writeImage(folder / "in/c.jpg", picture());
-  tg::PhotosOptions options;
-  options.input = folder / "in";
-  tg::PhotosListener listener;
-  listener.say = listener.warn = [](const std::string&) {};
-  listener.progress = [](const std::string&, std::size_t, std::size_t) {};
-  const std::atomic<int> stop{0};
-  const auto names = [&] {
-    std::vector<std::string> list;
-    for (const tg::Prepared& photograph :
-         tg::prepareImages(options, folder / "out", folder / "log.txt", listener, stop)) {
-      list.push_back(photograph.name);
-    }
-    return list;
-  };
-  CHECK(names() == std::vector<std::string>{"a.png", "b.jpg", "c.jpg"});
+  CHECK(prepared(folder).first == std::vector<std::string>{"a.png", "b.jpg", "c.jpg"});
   for (const char* name : {"a.png", "c.jpg"}) {
     CHECK(tg::readFile(folder / "in" / name, 1 << 20) == tg::readFile(folder / "out" / name, 1 << 20));
   }
-  options.longest_side = 20;
-  CHECK(names() == std::vector<std::string>{"a.jpg", "b.jpg", "c.jpg"});
+  CHECK(prepared(folder, "in", 20).first == std::vector<std::string>{"a.jpg", "b.jpg", "c.jpg"});
+}
+
+TEST_CASE("masks go with their photographs and are turned with them", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* below : {"in/images/sub", "in/masks/sub"}) fs::create_directories(folder / below);
+  const auto mask = [&](const std::string& name, int width, int height) {
+    tg::Image image(width, height, 1);
+    for (int y = 0; y < height; ++y) image.at(0, y, 0) = 1;  // the left column counts
+    tg::writeImage(folder / "in/masks" / name, image);
+  };
+  writeJpegWithExif(folder / "in/images/a.jpg", kBlock);  // 40 x 30 as it is stored, with orientation 6
+  writeJpegWithExif(folder / "in/images/b.jpg", exifBlock({{0x112, 3, 6}}, {}));
+  tg::writeImage(folder / "in/images/sub/c.png", picture());
+  tg::writeImage(folder / "in/images/d.jpg", picture());
+  mask("a.jpg.png", 40, 30);
+  mask("b.png", 30, 40);
+  mask("sub/c.png", 40, 30);
+  mask("d.jpg.png", 39, 30);
+  mask("e.jpg.png", 40, 30);
+  const auto [names, said] = prepared(folder);
+  CHECK(names == std::vector<std::string>{"images_a.jpg", "images_b.jpg", "images_d.jpg", "images_sub_c.png"});
+  CHECK_THAT(said, Contains("3 of 4 photographs have a mask"));
+  CHECK_THAT(said, Contains("in/masks/d.jpg.png: is of another size than its photograph (expected 40 x 30, found 39 x "
+                            "30): left out"));
+  CHECK_THAT(said, Contains("ignored, masks of no photograph: masks/e.jpg.png (expected "));
+  const auto kept = [&](const std::string& name) { return tg::readImage(folder / "masks" / (name + ".png")); };
+  CHECK(kept("images_a.jpg").width == 30);
+  CHECK(kept("images_a.jpg").at(29, 0, 0) == 1);  // what was left is on top
+  CHECK(kept("images_a.jpg").at(0, 39, 0) == 0);
+  CHECK(kept("images_b.jpg").at(0, 39, 0) == 1);
+  CHECK(kept("images_sub_c.png").at(0, 29, 0) == 1);
+  CHECK_FALSE(fs::exists(folder / "masks/images_d.jpg.png"));
+  // An input called images has them beside it.
+  CHECK_THAT(prepared(folder, "in/images").second, Contains("3 of 4 photographs have a mask"));
 }
 
 TEST_CASE("links to folders are followed once and never in circles", "[photos]") {
