@@ -65,7 +65,7 @@ TrainSettings trainedWith(const std::vector<std::string>& flags) {
 }
 
 // What --train cannot say: each block is a .tgz, and has flags of its own.
-void refuseOwn(const std::vector<std::string>& flags, bool by_memory) {
+void refuseOwn(const std::vector<std::string>& flags, bool by_memory, bool names_images) {
   for (const std::string& flag : flags) {
     const std::string name = flag.substr(0, flag.find('='));
     if (name == "--target-size" || name == "--steps" || name == "--quantize-iterations") {
@@ -73,7 +73,7 @@ void refuseOwn(const std::vector<std::string>& flags, bool by_memory) {
     }
     if (name == "--gaussians" || name == "--percent" || name == "--test-every" || name == "--context" ||
         name == "--layout" || name == "--points" || name == "--start-model" ||
-        (by_memory && name == "--image-memory")) {
+        (by_memory && name == "--image-memory") || (names_images && name == "--image-folder")) {
       throw Error(ErrorKind::usage, "--train: " + name + " is split's own to choose (expected without it)");
     }
   }
@@ -109,8 +109,7 @@ void addSplitFlags(CLI::App& app, SplitFlags& flags) {
   app.add_flag("-q,--quiet", flags.quiet, "Errors only");
   addDatasetFlags(app, flags.data);
   // What decides which photographs there are; all else is of training (--train).
-  for (const char* name :
-       {"--background", "--downscale", "--image-folder", "--masks", "--image-memory", "--validation"}) {
+  for (const char* name : {"--background", "--downscale", "--masks", "--image-memory", "--validation"}) {
     app.remove_option(app.get_option(name));
   }
   addExamples(app, {{"tgtrain split city blocks --blocks 3x3", "nine blocks"},
@@ -140,7 +139,8 @@ void splitScene(const SplitFlags& flags) {
   const glm::dvec3 up = upOf(dataset.views).value_or(upOfPoints(dataset.points));
   std::istringstream words(flags.train);
   const std::vector<std::string> common = {std::istream_iterator<std::string>(words), {}};
-  refuseOwn(common, flags.memory > 0);
+  const bool names_images = data.images != DatasetOptions().images;
+  refuseOwn(common, flags.memory > 0, names_images);
   // Whether it has more Gaussians than its limit until pairs are merged.
   if (makeSchedule(trainedWith(common)).merge_after > 0) {
     options.grown = [pixels = trainingPixels(dataset)](std::size_t limit) { return grownLimit(limit, pixels); };
@@ -158,6 +158,7 @@ void splitScene(const SplitFlags& flags) {
       const std::uint64_t mebibytes = std::max<std::uint64_t>(1, imageMemoryOf(flags.memory) >> 20);
       job.flags.insert(job.flags.end(), {"--image-memory", std::to_string(mebibytes)});
     }
+    if (names_images) job.flags.insert(job.flags.end(), {"--image-folder", data.images});
     if (!flags.context.empty()) {
       job.flags.insert(job.flags.end(),
                        {"--context", fs::proximate(fs::absolute(flags.context), fs::absolute(flags.output)).string()});

@@ -24,6 +24,30 @@ Outcome program(const tg::TemporaryFolder& folder, const std::string& name, cons
 
 }  // namespace
 
+TEST_CASE("a scene that has reduced photographs alone is split and trained from them", "[blocks]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(
+      tgtrain(folder, "make-sample sample --size 24 --views 8 --test-views 1 --points 200 --supersampling 1").code ==
+      0);
+  REQUIRE(tgtrain(folder, "undistort sample city").code == 0);
+  fs::rename(folder / "city/images", folder / "city/images_2");
+  const std::string split = "split city blocks --blocks 1x1 --gaussians 50";
+  const Outcome without = program(folder, TG_TGTRAIN, split);
+  CHECK(without.code == 3);
+  CHECK_THAT(without.output, Contains("--image-folder names another folder"));
+  const Outcome twice =
+      program(folder, TG_TGTRAIN, split + " --image-folder images_2 --train '--image-folder images_4'");
+  CHECK(twice.code == 1);
+  CHECK_THAT(twice.output, Contains("--image-folder is split's own to choose"));
+  const Outcome made = program(folder, TG_TGTRAIN, split + " --image-folder images_2 --train '" + kTrain + "'");
+  INFO(made.output);
+  REQUIRE(made.code == 0);
+  CHECK_THAT(contents(folder / "blocks/jobs.jsonl"), Contains("\"--image-folder\",\"images_2\""));
+  const Outcome farm = tgtrain(folder, "farm blocks/jobs.jsonl --out farm");
+  INFO(farm.output);
+  CHECK(farm.code == 0);
+}
+
 TEST_CASE("a scene is split, trained by a farm around a context, and merged, and its seams are scored", "[blocks]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kCity).code == 0);

@@ -96,10 +96,13 @@ fs::path maskOf(const fs::path& input, const fs::path& photograph) {
   if (place.filename() == "images") names.push_back(place.parent_path() / "masks" / photograph);
   fs::path above = input;
   for (auto part = photograph.begin(); part != photograph.end(); above /= *part++) {
-    fs::path below;
-    for (auto at = std::next(part); at != photograph.end(); ++at) below /= *at;
-    names.push_back(above / "masks" / *part / below);
-    if (*part == "images") names.push_back(above / "masks" / below);
+    const auto from = [&](fs::path::iterator begin) {
+      fs::path rest;
+      for (; begin != photograph.end(); ++begin) rest /= *begin;
+      return rest;
+    };
+    names.push_back(above / "masks" / from(part));
+    if (*part == "images") names.push_back(above / "masks" / from(std::next(part)));
   }
   for (const fs::path& name : names) {
     if (fs::path mask = maskNamedFor(name); !mask.empty()) return mask;

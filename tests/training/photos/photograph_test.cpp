@@ -411,7 +411,10 @@ TEST_CASE("masks go with their photographs and are turned with them", "[photos]"
   CHECK(kept("images_b.jpg").at(0, 39, 0) == 1);
   CHECK(kept("images_sub_c.png").at(0, 29, 0) == 1);
   CHECK_FALSE(fs::exists(folder / "masks/images_d.jpg.png"));
-  // An input called images has them beside it.
+  // Straight below the input, and beside one that is called images.
+  tg::writeImage(folder / "in/f.jpg", tg::turned(picture(), 2));
+  mask("f.jpg.mask.png", 40, 30);
+  CHECK_THAT(prepared(folder).second, Contains("4 of 5 photographs have a mask"));
   CHECK_THAT(prepared(folder, "in/images").second, Contains("3 of 4 photographs have a mask"));
 }
 
