@@ -331,6 +331,9 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   CHECK_FALSE(fs::exists(trial / "x.photos"));
   std::ofstream(trial / "empty/notes.jpg") << "a text";
   says(trial.photos("empty -o x.tgz"), 3, "found 0); no photographs by their bytes: notes.jpg");
+  fs::create_directories(trial / "masked/masks");
+  fs::copy(trial / "photos/IMG 0.jpg", trial / "masked/masks/a.jpg");
+  says(trial.photos("masked -o x.tgz"), 3, "found 0); what lies in a folder `masks` counts as masks");
   std::ofstream(trial / "empty/IMG_1.DNG") << "II*";
   std::ofstream(trial / "empty/IMG_2.MOV") << "a film";
   says(trial.photos("empty -o x.tgz"), 3, "it holds pictures in formats that are not read: IMG_1.DNG (export");

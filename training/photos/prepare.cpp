@@ -56,6 +56,7 @@ std::string filmWords(const fs::path& folder, const PhotographList& list) {
                                     " JPEG, PNG, WebP or HEIC files, better 30 to 200",
                                 std::to_string(found)) +
                   (list.ignored.empty() ? "" : "; no photographs by their bytes: " + someOf(list.ignored)) +
+                  (list.masks.empty() ? "" : "; what lies in a folder `masks` counts as masks") +
                   (list.unread.empty() ? "" : "; it holds " + unreadWords(list)) +
                   (list.films.empty() ? "" : "; it holds " + filmWords(input, list)));
 }
