@@ -132,9 +132,21 @@ def at_a_desk(browser, page):
     before = browser.evaluate(eye)
     browser.drag(520, 400, 60, 20)
     expect("so does a drag", browser.evaluate(eye) != before)
+    listed = "document.getElementById('camera').selectedOptions[0].textContent"
+    expect("and the list of cameras says that it is none of them",
+           until(browser, f"{listed} === '(free view)'", 5), browser.evaluate(listed))
 
+    told = "document.getElementById('message')"
+    leads = f"{told}.textContent.includes('leads to this view') && !{told}.hidden"
     browser.press("c")
     expect("C puts the view into the address", until(browser, "location.hash.startsWith('#view=')"))
+    expect("and says so", until(browser, leads, 5))
+    expect("which is no warning", browser.evaluate(f"{told}.className") == "done")
+    browser.press("ArrowLeft")
+    expect("nor true of another view", until(browser, f"{told}.hidden", 2))
+    browser.press("c")
+    expect("the word of the next one", until(browser, leads, 5))
+    expect("goes by itself", until(browser, f"{told}.hidden", 10))
     link = browser.evaluate("location.href")
     shown = from_data_url(browser.evaluate("tgViewer.picture()"))
     browser.page("Page.navigate", url="about:blank")
@@ -185,6 +197,10 @@ def on_a_phone(browser, page):
     tap("#toggle")
     expect("a tap opens it", until(browser, f"!{hidden}", 5))
     keep(browser, "phone_panel")
+    names = browser.evaluate("""[...document.querySelectorAll('#panel [role="group"]')].map((row) =>
+        document.getElementById(row.getAttribute('aria-labelledby'))).map((name) => [name.textContent, name.offsetHeight > 0])""")
+    expect("every row of buttons has its name above it",
+           names == [[name, True] for name in ("Show", "Textures", "Beyond textures", "Intersection")], names)
     small = browser.evaluate(f"""[...document.querySelectorAll('button, select, input')].filter((e) => e.offsetWidth > 0)
         .map((e) => [e.id || e.textContent, e.offsetWidth, e.offsetHeight]).filter(([, w, h]) => w < {TARGET} || h < {TARGET})""")
     expect(f"nothing to tap is smaller than {TARGET} px", not small, small)

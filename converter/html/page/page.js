@@ -109,7 +109,7 @@ function listenToDrops(viewer, panel) {
       if (own !== drops) return;  // a later one is wanted
       await viewer.open(model);
       if (own !== drops) return;
-      showMessage(viewer.model.notes.join(' '), true);
+      showMessage(viewer.model.notes.join(' '), 'note');
       panel.name = file.name;
       panel.fill();
     } catch (error) {
@@ -129,7 +129,7 @@ function takeAddress(viewer) {
   const wanted = {...first, ...then};
   const reasons = viewer.applyWhatCan(wanted);
   const notes = [...viewer.model.notes, ...reasons.map((reason) => `The address: ${reason}.`)];
-  showMessage(notes.join(' '), true);
+  showMessage(notes.join(' '), 'note');
   return wanted;
 }
 
@@ -148,8 +148,9 @@ async function startViewer() {
     showLoading(SHARES.read);
     await viewer.open(model);
     const panel = new Panel(viewer, document.title);
-    if (takeAddress(viewer).panel === 'off') panel.leave();
+    const {panel: wanted} = takeAddress(viewer);
     panel.fill();
+    if (wanted === 'off') panel.showBar(false);
     listenToHands(viewer);
     listenToDrops(viewer, panel);
     addEventListener('resize', () => viewer.changed());

@@ -5,15 +5,23 @@ const OUTSIDE_TITLES = {base: 'beyond its texture a splat shows its base colour'
                         edge: 'beyond its texture a splat has the texels of the border'};
 const SMALL = [600, 400];  // [px] up to which the panel waits to be asked for
 const OWN_KEYS = ['SELECT', 'INPUT', 'TEXTAREA'];
+const DONE_STAYS = 2700, DONE_FADES = 300;  // [ms] of a word that something is done
+const FREE_VIEW = '-1';  // of the list of views, while it is none of them
 
 const element = (id) => document.getElementById(id);
 
-function showMessage(text, isNote = false) {
+let fading = null;  // the animation at whose end a word goes by itself
+
+// kind: '' of what went wrong, 'note', or 'done' of what goes by itself.
+function showMessage(text, kind = '') {
   const box = element('message');
+  if (fading) fading.cancel();
   box.firstElementChild.textContent = text;
   box.lastElementChild.onclick = () => { box.hidden = true; };
-  box.className = isNote ? 'note' : '';
+  box.className = kind;
   box.hidden = text === '';
+  fading = kind === 'done' ? box.animate({opacity: [1, 0]}, {delay: DONE_STAYS, duration: DONE_FADES}) : null;
+  if (fading) fading.onfinish = () => { box.hidden = true; };
 }
 
 // Throws without WebGL 2.
@@ -28,6 +36,7 @@ function openViewer() {
 // keyboard may be on it while a newer model comes.
 function fillChoices(id, choices, choose) {
   const box = element(id), there = [...box.children];
+  box.parentElement.hidden = choices.length === 0;
   const buttons = choices.map(([value, title]) => {
     const button = there.find(({textContent}) => textContent === value) || document.createElement('button');
     button.textContent = value;
@@ -47,6 +56,8 @@ class Panel {
   constructor(viewer, name) {
     this.viewer = viewer;
     this.name = name;
+    this.hasBar = true;
+    this.linked = null;  // what the address was last made, while a word says so
     element('toggle').onclick = () => this.open(element('panel').hidden);
     element('play').onclick = () => this.play();
     element('link').onclick = () => this.link();
@@ -71,10 +82,11 @@ class Panel {
     element('toggle').setAttribute('aria-expanded', String(on));
   }
 
-  // Neither bar nor panel: the picture alone.
-  leave() {
-    element('tools').hidden = true;
-    this.open(false);
+  // Without the bar there is no panel either: the picture alone.
+  showBar(on) {
+    this.hasBar = on;
+    element('tools').hidden = !on;
+    if (!on) this.open(false);
   }
 
   key(event) {
@@ -100,7 +112,7 @@ class Panel {
     } else if (key === 'f') {
       viewer.frameAll();
     } else if (key === 'h') {
-      element('tools').hidden = false;
+      this.showBar(true);
       this.open(element('panel').hidden);
     } else if (key === 'l') {
       this.play();
@@ -134,13 +146,13 @@ class Panel {
 
   play() {
     if (!this.viewer.play(!this.viewer.playing) && this.stops < 2) {
-      showMessage('There are no two views to fly through.', true);
+      showMessage('There are no two views to fly through.', 'note');
     }
   }
 
-  // The address of this page with the view and the settings that are not the model's own or that its query names, which
-  // holds as well, in the clipboard, too.
-  async link() {
+  // The view and the settings that are not the model's own or that the page's query names, which holds as well, as what
+  // stands behind # of an address.
+  get words() {
     const {viewer} = this;
     const own = Splats.settingsOf(viewer.model), now = viewer.settings;
     const asked = new URLSearchParams(location.search);
@@ -151,10 +163,17 @@ class Panel {
     if (String(now.background) !== String(own.background) || asked.has('background')) {
       words.push(`background=${now.background.map((c) => Number(c.toFixed(4))).join(',')}`);
     }
-    history.replaceState(null, '', `#${words.join('&')}`);
+    return words.join('&');
+  }
+
+  // The address of this page with all that, in the clipboard, too.
+  async link() {
+    const {words} = this;
+    history.replaceState(null, '', `#${words}`);
     const copied = await Promise.resolve().then(() => navigator.clipboard.writeText(location.href))
       .then(() => true, () => false);
-    showMessage(`The address of this page leads to this view now${copied ? ', and is copied' : ''}.`, true);
+    showMessage(`The address of this page leads to this view now${copied ? ', and is copied' : ''}.`, 'done');
+    this.linked = words;
   }
 
   async fullscreen() {
@@ -169,6 +188,7 @@ class Panel {
   // After another model was opened.
   fill() {
     const {model} = this.viewer;
+    element('tools').hidden = !this.hasBar;
     element('title').textContent = this.name;
     this.stops = Math.max(model.views.length, model.cameras.length);
     element('cameras').hidden = this.stops === 0;
@@ -183,7 +203,8 @@ class Panel {
     const cameras = [
       ...group('views', model.views.map(({name}, index) => new Option(name || `view ${index}`, `v${index}`))),
       ...group('cameras', model.cameras.map(({name, test}, index) =>
-        new Option(`${index} ${name}${test ? ' (test)' : ''}`, String(index))))];
+        new Option(`${index} ${name}${test ? ' (test)' : ''}`, String(index)))),
+      Object.assign(new Option('(free view)', FREE_VIEW), {disabled: true, hidden: true})];
     const list = element('camera');  // stays open while models come
     if (cameras.length !== list.children.length || !cameras.every((box, i) => box.isEqualNode(list.children[i]))) {
       list.replaceChildren(...cameras);
@@ -220,12 +241,17 @@ class Panel {
     if (!viewer.model) return;
     const {settings} = viewer;
     element('facts').textContent = this.facts(viewer.model);
+    if (this.linked !== null && !viewer.playing && this.linked !== this.words) {  // a flight leaves the word its time
+      this.linked = null;
+      if (element('message').className === 'done') showMessage('');
+    }
     press('show', settings.show);
     press('textures', settings.textures);
     press('outside', settings.outside);
     press('intersection', settings.intersection);
     element('play').setAttribute('aria-pressed', String(viewer.playing));
-    element('camera').value = viewer.viewIndex >= 0 ? `v${viewer.viewIndex}` : String(viewer.cameraIndex);
+    element('camera').value = viewer.viewIndex >= 0 ? `v${viewer.viewIndex}`
+      : viewer.cameraIndex >= 0 ? String(viewer.cameraIndex) : FREE_VIEW;
     const bytes = settings.background.map((c) => Math.round(Math.min(Math.max(c, 0), 1) * 255));
     element('background').value = '#' + bytes.map((byte) => byte.toString(16).padStart(2, '0')).join('');
     if (viewer.moving && viewer.gap) element('speed').textContent = `${viewer.gap.toFixed(0)} ms`;
