@@ -107,7 +107,25 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             until("a model that takes long", lambda: browser.evaluate("asked"))
             time.sleep(6)  # longer than a page may be silent
             (pathlib.Path(folder) / "run/control").write_text("stop\n")
-            until("the end", lambda: browser.evaluate("document.getElementById('phase').textContent") == "interrupted", 30)
+            phase = lambda: browser.evaluate("document.getElementById('phase').textContent")
+            until("the end", lambda: phase() == "interrupted", 30)
+            check(run.wait(30) == 130, "tgtrain's exit code")
+            # A run that is resumed goes on in the page as it is.
+            browser.evaluate("window.fetch = fetched; tgViewer.orbit.orbit(0.2, 0); tgViewer.changed(); 0")
+            kept = "[tgViewer.orbit.camera.eye.join(), tgViewer.settings.show, document.getElementById('panel').hidden]"
+            before, shown = browser.evaluate(kept), browser.evaluate("window.__shown")
+            check(before[1:] == ["depth", False], before)
+            port = url.split("?")[0].rstrip("/").rsplit(":", 1)[1]
+            run = subprocess.Popen([*command[:command.index("--serve")], "--serve", port, "--serve-token",
+                                    "a-token-for-this-test", "--resume"], stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)
+            until("the run that goes on", lambda: phase() == "training", 60)
+            until("a model of it", lambda: browser.evaluate("window.__shown") > shown)
+            check(browser.evaluate(kept) == before, "the view or the panel was not kept")
+            until("curves of before", lambda: browser.evaluate("document.querySelectorAll('#psnr circle').length > 1"))
+            check(not browser.log, browser.log)
+            (pathlib.Path(folder) / "run/control").write_text("stop\n")
+            until("its end", lambda: phase() == "interrupted", 30)
         check(run.wait(30) == 130, "tgtrain's exit code")
     finally:
         run.kill()

@@ -49,11 +49,14 @@ class RunPanel {
     this.rows = [];
     this.generation = -1;
     this.charts = Object.fromEntries(['psnr', 'loss', 'gaussians'].map((id) => [id, new Chart(element(id))]));
-    this.heldOut = 0;
+    this.heldOut = '';
     new ResizeObserver(() => Object.values(this.charts).forEach((chart) => chart.draw())).observe(element('run'));
   }
 
   get question() { return `state.json?generation=${this.generation}&from=${this.rows.length}`; }
+
+  // The next question is for all that there is.
+  forget() { this.generation = -1; }
 
   update({run, metrics}) {
     element('run').hidden = !run;
@@ -109,8 +112,9 @@ class RunPanel {
     this.charts.gaussians.set([{color: COLORS.gaussians, values: values(5)}], marks);
   }
 
-  async pictures({number, name}) {
-    if (number === this.heldOut) return;
+  // `stamp` names them among those of all programs; '': there are none.
+  async pictures(stamp, name) {
+    if (stamp === this.heldOut || stamp === '') return;
     const load = async (id, path) => {
       const image = element(id);
       const url = URL.createObjectURL(await ask(path));
@@ -118,7 +122,7 @@ class RunPanel {
       image.src = url;
     };
     await Promise.all([load('photograph', 'photograph.png'), load('rendering', 'picture.png')]);
-    this.heldOut = number;
+    this.heldOut = stamp;
     element('held-out-name').textContent = name;
     element('held-out').hidden = false;
   }
@@ -130,8 +134,8 @@ class ModelView {
     this.viewer = openViewer();
     this.panel = new Panel(this.viewer, '');
     this.panel.open(false);
-    this.number = 0;
-    this.failed = {number: 0, why: null};  // a model that cannot be shown
+    this.shown = '';
+    this.failed = {stamp: '', why: null};  // a model that cannot be shown
     const label = document.createElement('label');
     this.follow = Object.assign(document.createElement('input'), {type: 'checkbox', checked: true, id: 'follow'});
     label.append(this.follow, ' new models as they come');
@@ -142,27 +146,29 @@ class ModelView {
     window.tgViewer = this.viewer;
   }
 
-  async update(number, title) {
-    const wanted = this.number === 0 || this.follow.checked;
-    if (number === this.number || number === 0 || !wanted) return;
-    if (number === this.failed.number) throw this.failed.why;
+  // `stamp` as of RunPanel's pictures. Whether the model is one that was not shown before.
+  async update(stamp, title) {
+    const wanted = !this.viewer.model || this.follow.checked;
+    if (stamp === this.shown || stamp === '' || !wanted) return false;
+    if (stamp === this.failed.stamp) throw this.failed.why;
     const bytes = new Uint8Array(await (await ask('model.glb')).arrayBuffer());
     try {
       const read = await readModel(bytes);
-      if (this.number === 0) {
+      if (!this.viewer.model) {
         await this.viewer.open(read);
         this.viewer.applyWhatCan(Object.fromEntries(new URLSearchParams(location.hash.slice(1))));
       } else {
         await this.viewer.replace(read);
       }
     } catch (why) {
-      this.failed = {number, why};
+      this.failed = {stamp, why};
       throw why;
     }
-    this.number = number;
+    this.shown = stamp;
     this.panel.name = title;
     this.panel.fill();
     element('waiting').hidden = true;
+    return true;
   }
 }
 
@@ -191,23 +197,26 @@ async function startLive() {
     await work().catch((error) => { trouble[kind] = error; });
     busy[kind] = false;
   };
-  const showModel = async (state) => {
-    await model.update(state.model, state.run ? state.run.name : state.title);
-    window.__shown = model.number;
+  const showModel = async (name, stamp) => {
+    if (await model.update(stamp, name)) window.__shown = (window.__shown || 0) + 1;
   };
-  let start = null;
+  let program = null;  // what the one that answers says of itself
   const once = async () => {
     const state = JSON.parse(await (await ask(run.question, LOST_AFTER)).text());
     answered = performance.now();
-    if (start !== null && state.start !== start) {  // another program, with numbers of its own
-      location.reload();
+    const {start, title, version} = state, before = program;
+    program = {start, title, version};
+    if (before !== null && start !== before.start) {  // what has begun anew numbers all anew
+      if (title !== before.title || version !== before.version) location.reload();
+      run.forget();
       return;
     }
-    start = state.start;
-    if (!state.run) document.title = state.title;
+    if (!state.run) document.title = title;
     run.update(state);
-    beside('pictures', () => run.pictures(state.held_out));
-    if (model) beside('model', () => showModel(state));
+    const stamp = (number) => (number === 0 ? '' : `${start}.${number}`);  // programs count from 1 on
+    const {held_out: pair} = state;
+    beside('pictures', () => run.pictures(stamp(pair.number), pair.name));
+    if (model) beside('model', () => showModel(state.run ? state.run.name : title, stamp(state.model)));
   };
   for (;;) {
     if (!document.hidden) {
