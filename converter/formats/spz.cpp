@@ -308,8 +308,9 @@ Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes
            ")");
     }
     if (packed > bytes.size() - at) {
-      fail(what + " leaves the file (expected at most " + std::to_string(bytes.size() - at) + " bytes, found " +
-           std::to_string(packed) + ")");
+      const std::uint64_t end = at + std::min(packed, std::numeric_limits<std::uint64_t>::max() - at);
+      fail(what + " leaves the file, which may be cut off (expected at least " + std::to_string(end) +
+           " bytes, found " + std::to_string(bytes.size()) + ")");
     }
     unpacked[s] = unpackZstandard(bytes.subspan(at, packed), size, path, "SPZ: " + what);
     views[s] = unpacked[s];

@@ -24,7 +24,7 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes
     fail("another container version" + expectedFound("2", std::to_string(version)));
   }
   if (const std::uint32_t length = readU32(bytes, 8); length != file_bytes) {
-    fail("the length in the header is not the file's" +
+    fail((length > file_bytes ? "the file is cut off" : "the length in the header is not the file's") +
          expectedFound(std::to_string(length) + " bytes", std::to_string(file_bytes)));
   }
   GltfParts parts;

@@ -11,6 +11,7 @@ import io
 import json
 import os
 import pathlib
+import re
 import socket
 import subprocess
 import sys
@@ -198,7 +199,8 @@ def on_a_phone(browser, page):
     expect("a tap opens it", until(browser, f"!{hidden}", 5))
     keep(browser, "phone_panel")
     names = browser.evaluate("""[...document.querySelectorAll('#panel [role="group"]')].map((row) =>
-        document.getElementById(row.getAttribute('aria-labelledby'))).map((name) => [name.textContent, name.offsetHeight > 0])""")
+        document.getElementById(row.getAttribute('aria-labelledby')))
+        .map((name) => [name.textContent, name.offsetHeight > 0])""")
     expect("every row of buttons has its name above it",
            names == [[name, True] for name in ("Show", "Textures", "Beyond textures", "Intersection")], names)
     small = browser.evaluate(f"""[...document.querySelectorAll('button, select, input')].filter((e) => e.offsetWidth > 0)
@@ -318,7 +320,15 @@ def main():
         cut = (folder / "page.html").read_bytes()
         (folder / "cut.html").write_bytes(cut[:len(cut) // 2])
         found = browser.open((folder / "cut.html").as_uri())
-        expect("a page that is cut off says so", "not come as a whole" in found.get("error", ""), found)
+        counts = re.search(r"cut off \((\d+) of (\d+) bytes of its model\): copy", found.get("error", ""))
+        expect("a page that is cut off says so", counts and 0 < int(counts[1]) < int(counts[2]) < len(cut), found)
+        dead = browser.evaluate("[...document.querySelectorAll('button')].filter((e) => e.offsetHeight > 0)"
+                                ".map((e) => e.getAttribute('aria-label'))")
+        expect("and has no buttons that do nothing", dead == ["close"], dead)
+        short = SlowServer(cut[:len(cut) // 2])
+        short.go.set()
+        found = browser.open(short.address)
+        expect("one from a server is to be loaded again", "whole: reload it" in found.get("error", ""), found)
         torn = SlowServer(cut, torn=True)
         torn.go.set()
         browser.page("Page.navigate", url=torn.address)

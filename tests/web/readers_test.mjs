@@ -413,7 +413,19 @@ for (const text of ['', '1,2', '1,2,3,0,0,0,1,50,1,4,0,0.5,0.5', '1,2,3,0,0,0,1,
 for (const bytes of [new Uint8Array(0), new Uint8Array(100), new Uint8Array([0x50, 0x4B, 3, 4])]) {
   let told = '';
   try { readZip(bytes); } catch (error) { told = error.message; }
-  expect('no archive', told.startsWith('the ZIP'), told);
+  expect('no archive', told.startsWith('the ZIP archive is cut off'), told);
+}
+// What is cut off is told with how much there is, and of other formats what reads them.
+for (const [bytes, words] of [
+  [original.slice(0, 1000), `the GLB is cut off (1000 of ${original.length} bytes): copy or export it again`],
+  [Uint8Array.of(...original, 0), `a GLB of ${original.length} bytes in a file of ${original.length + 1}`],
+  [new TextEncoder().encode('ply\nformat'), 'a PLY file, of which tgconvert makes a GLB'],
+  [new TextEncoder().encode('NGSP....'), 'an SPZ file, of which tgconvert makes a GLB'],
+  [Uint8Array.of(0x1F, 0x8B, 8, 0), 'tgconvert makes a GLB of .tgz and .spz'],
+  [new Uint8Array(64), '64 bytes that begin otherwise: tgconvert makes a GLB of a .splat'],
+]) {
+  const told = await toldOf(readModel(bytes));
+  expect('what is no model', told.includes(words), told);
 }
 console.log(failures.join('\n') || `${read} spoilt copies read, ${refused} refused`);
 process.exit(failures.length > 0 ? 1 : 0);

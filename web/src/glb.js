@@ -33,9 +33,13 @@ class GlbFile {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     if (bytes.length < 20 || view.getUint32(0, true) !== 0x46546C67) throw new Error('the file is no GLB');
     if (view.getUint32(4, true) !== 2) throw new Error(`GLB version ${view.getUint32(4, true)} (expected 2)`);
-    if (view.getUint32(8, true) !== bytes.length) throw new Error('the GLB is cut off');
+    const length = view.getUint32(8, true);
+    if (length > bytes.length) {
+      throw new Error(`the GLB is cut off (${bytes.length} of ${length} bytes): copy or export it again`);
+    }
+    if (length < bytes.length) throw new Error(`a GLB of ${length} bytes in a file of ${bytes.length}`);
     const jsonBytes = view.getUint32(12, true);
-    if (20 + jsonBytes > bytes.length) throw new Error('the GLB is cut off');
+    if (20 + jsonBytes > bytes.length) throw new Error('the JSON of the GLB leaves the file');
     this.json = Object(JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes))));
     this.binary = bytes.subarray(Math.min(20 + jsonBytes + 8, bytes.length));
   }

@@ -19,8 +19,10 @@ function beginningOf(bytes) {
   const text = String.fromCharCode(...bytes.subarray(0, 64)).trimStart();
   if (bytes.length === 0) return 'nothing';
   if (text.startsWith('<')) return 'a page of HTML or XML';
-  if (bytes[0] === 0x1F && bytes[1] === 0x8B) return 'something gzipped: tgconvert makes a GLB of a model.tgz';
-  return `${bytes.length} bytes that begin otherwise`;
+  if (text.startsWith('ply')) return 'a PLY file, of which tgconvert makes a GLB';
+  if (text.startsWith('NGSP')) return 'an SPZ file, of which tgconvert makes a GLB';
+  if (bytes[0] === 0x1F && bytes[1] === 0x8B) return 'something gzipped: tgconvert makes a GLB of .tgz and .spz';
+  return `${bytes.length} bytes that begin otherwise: tgconvert makes a GLB of a .splat and others`;
 }
 
 // readModel, with the address in what goes wrong; a lod-meta.json, too, whose chunks are fetched from there. options:

@@ -11,7 +11,10 @@ export function readZip(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   let end = bytes.length - END_BYTES;
   for (const least = Math.max(end - LONGEST_COMMENT, 0); end >= least && view.getUint32(end, true) !== END;) --end;
-  if (end < 0 || view.getUint32(end, true) !== END) throw new Error('the ZIP archive has no directory');
+  if (end < 0 || view.getUint32(end, true) !== END) {
+    throw new Error(`the ZIP archive is cut off (${bytes.length} bytes without the directory that ends it): ` +
+                    'copy or export it again');
+  }
   const entries = new Map();
   let at = view.getUint32(end + 16, true);
   for (let left = view.getUint16(end + 10, true); left > 0; --left) {

@@ -20,13 +20,15 @@ function showLoading(share) {
 function watchLoading(total) {
   let before = -1, since = 0, told = false;
   watching = setInterval(() => {
-    if (document.readyState !== 'loading') {  // and startViewer(), at the end of the page, was not called
-      fail(new Error('This page has not come as a whole: reload it.'));
-      return;
-    }
     let come = 0;
     for (const node of document.querySelectorAll('script.model')) {
       for (const part of node.childNodes) come += part.length;
+    }
+    if (document.readyState !== 'loading') {  // and startViewer(), at the end of the page, was not called
+      fail(new Error(location.protocol === 'file:'
+        ? `This file is cut off (${come} of ${Number(total)} bytes of its model): copy or export it again.`
+        : 'This page has not come as a whole: reload it.'));
+      return;
     }
     if (come !== before) {
       [before, since] = [come, performance.now()];

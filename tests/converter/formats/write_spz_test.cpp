@@ -215,5 +215,9 @@ TEST_CASE("SPZ 4: sizes that lie are refused in one line before memory is taken 
   CHECK(refused(lying(3, "abc")) == "a.spz: SPZ: the stream of scales ends early (expected 6 bytes, found 3)");
   std::string leaving = good;
   leaving[32 + 16 + 2] = '\x01';
-  CHECK(refused(leaving).find("the stream of alphas leaves the file (expected at most ") != std::string::npos);
+  CHECK(refused(leaving).find("the stream of alphas leaves the file, which may be cut off (expected at least ") !=
+        std::string::npos);
+  CHECK(refused(good.substr(0, good.size() - 1))
+            .ends_with("leaves the file, which may be cut off (expected at least " + std::to_string(good.size()) +
+                       " bytes, found " + std::to_string(good.size() - 1) + ")"));
 }

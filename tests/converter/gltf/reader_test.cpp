@@ -410,6 +410,10 @@ TEST_CASE("a GLB cut at any length is refused") {
     CAPTURE(length, found);
     REQUIRE(found != "accepted");
     REQUIRE(!contains(found, "another exit code"));
+    if (length >= 20) {
+      REQUIRE(contains(found, "the file is cut off (expected " + std::to_string(bytes.size()) + " bytes, found " +
+                                  std::to_string(length) + ")"));
+    }
   }
   // The same with a header that admits the cut: chunks and JSON are then what catches it.
   for (std::size_t length = 12; length < bytes.size(); length += length < 128 ? 4 : 36) {

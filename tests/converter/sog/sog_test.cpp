@@ -118,6 +118,11 @@ TEST_CASE("SOG: what a file says wrongly is refused in words") {
           p.meta["scales"]["codebook"] = nlohmann::json::array();
         }).find("wrong number of values (expected 1 to 256, found 0)") != std::string::npos);
   CHECK(refusal([](SogParts& p) { p.meta["sh0"].erase("files"); }).find("\"files\"") != std::string::npos);
+  std::vector<std::uint8_t> cut = SogParts().bytes(scratch);
+  cut.resize(cut.size() / 2);
+  CHECK(test::messageOf([&] { parseSog(cut, "a.sog"); }) ==
+        "a.sog: the ZIP archive is cut off (expected the end of its directory, found none in " +
+            std::to_string(cut.size()) + " bytes)");
   CHECK(refusal([](SogParts& p) { p.meta["shN"]["bands"] = 4; }).find("\"bands\"") != std::string::npos);
   CHECK(refusal([](SogParts& p) { p.meta["shN"]["count"] = 1; }) ==
         "a.sog: Gaussian 0 has SH that the palette lacks (expected an index below 1, found 1)");
