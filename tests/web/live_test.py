@@ -54,6 +54,17 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             bar = browser.evaluate("(({role, ariaLabel, ariaValueNow}) => [role, ariaLabel, ariaValueNow])"
                                    "(document.getElementById('progress'))")
             check(bar[0] == "progressbar" and bar[1] and 0 <= int(bar[2]) <= 100, bar)
+            # Axes say what they measure: two numbers each at least, all different, and the unit of the iterations.
+            axes = browser.evaluate("[[24.13, 24.31], [0.0312, 0.0388], [25.12, 25.1205], [1.2341e6, 1.2349e6]]"
+                                    ".map(([low, high]) => labelsOf(ticks(low, high, 3)))")
+            check(all(len(set(axis)) == len(axis) >= 2 for axis in axes), axes)
+            counts = browser.evaluate("[...Array(2000).keys()].map((i) => ticks(i / 7, i / 7 + 1 + i % 97 / 10, 3))"
+                                      ".map((axis) => axis.length)")
+            check(2 <= min(counts) and max(counts) <= 5, (min(counts), max(counts)))
+            texts = browser.evaluate("[...document.querySelectorAll('#loss text')].map((e) => e.textContent)")
+            check("iteration 0" in texts and len(texts) >= 4, texts)
+            until("how much of the run is done", lambda: "\u00a0% of the run's time" in browser.evaluate(
+                "document.getElementById('stage-line').textContent"))
             text = browser.evaluate("document.getElementById('run').innerText")
             check("scene" in text and "dB" in text and "it/s" in text, text)
             # The view stays where a hand has put it while models come.

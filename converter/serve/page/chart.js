@@ -3,6 +3,8 @@
 
 const SVG = 'http://www.w3.org/2000/svg';
 const CHART_HEIGHT = 130, MARGIN = {left: 44, right: 10, top: 6, bottom: 18};  // [px]
+const LEAST_SURE = 5;    // steps of at most half of what is divided: a step is at most 2.5 times what was asked for
+const LABEL_DIGITS = 9;  // at most
 
 function svg(name, attributes, ...children) {
   const node = document.createElementNS(SVG, name);
@@ -11,21 +13,26 @@ function svg(name, attributes, ...children) {
   return node;
 }
 
-// About `count` round numbers from low to high.
+// About `count` round numbers from low to high, two at least: one says nothing of an axis' scale.
 function ticks(low, high, count) {
   const raw = (high - low) / count || 1;
   const power = 10 ** Math.floor(Math.log10(raw));
   const step = power * [1, 2, 5, 10].find((factor) => factor * power >= raw);
   const list = [];
   for (let i = Math.ceil(low / step); i * step <= high * (1 + 1e-9); ++i) list.push(i * step);
-  return list;
+  return list.length > 1 || count >= LEAST_SURE ? list : ticks(low, high, count + 1);
 }
 
-function shortNumber(value) {
+function shortNumber(value, digits = 4) {
   const size = Math.abs(value);
-  if (size >= 1e6) return `${+(value / 1e6).toFixed(2)} M`;
-  if (size >= 1e4) return `${+(value / 1e3).toFixed(1)} k`;
-  return `${+value.toPrecision(4)}`;
+  const [unit, sign] = size >= 1e6 ? [1e6, ' M'] : size >= 1e4 ? [1e3, ' k'] : [1, ''];
+  return `${+(value / unit).toPrecision(digits)}${sign}`;
+}
+
+// With as many digits as tell them apart.
+function labelsOf(values, digits = 4) {
+  const labels = values.map((value) => shortNumber(value, digits));
+  return new Set(labels).size === values.length || digits >= LABEL_DIGITS ? labels : labelsOf(values, digits + 1);
 }
 
 class Chart {
@@ -66,15 +73,18 @@ class Chart {
     this.x = (value) => MARGIN.left + value / last * inside.width;
     this.y = (value) => MARGIN.top + (high - Math.min(Math.max(value, low), high)) / (high - low) * inside.height;
     const bottom = MARGIN.top + inside.height, right = MARGIN.left + inside.width;
-    for (const value of ticks(low, high, 3)) {
+    const heights = ticks(low, high, 3), levels = labelsOf(heights);
+    for (const [i, value] of heights.entries()) {
       this.root.append(
         svg('line', {x1: MARGIN.left, x2: right, y1: this.y(value), y2: this.y(value), stroke: '#2b2d34'}),
         svg('text', {x: MARGIN.left - 6, y: this.y(value) + 3, 'text-anchor': 'end', fill: '#a4a6ad'},
-            shortNumber(value)));
+            levels[i]));
     }
-    for (const value of ticks(0, last, Math.max(inside.width / 80, 2))) {
-      this.root.append(svg('text', {x: this.x(value), y: CHART_HEIGHT - 4, 'text-anchor': 'middle', fill: '#a4a6ad'},
-                           shortNumber(value)));
+    const times = ticks(0, last, Math.max(inside.width / 80, 2)), words = labelsOf(times);
+    words[0] = `iteration ${words[0]}`;
+    for (const [i, value] of times.entries()) {
+      this.root.append(svg('text', {x: this.x(value), y: CHART_HEIGHT - 4, 'text-anchor': i === 0 ? 'start' : 'middle',
+                                    fill: '#a4a6ad'}, words[i]));
     }
     for (const value of this.marks) {
       this.root.append(svg('line', {x1: this.x(value), x2: this.x(value), y1: MARGIN.top, y2: bottom, stroke: '#5a5d66',

@@ -77,9 +77,11 @@ class RunPanel {
     const share = run.iterations > 0 ? run.iteration / run.iterations : 1;
     element('bar').style.width = `${100 * share}%`;
     element('progress').setAttribute('aria-valuenow', String(Math.round(100 * share)));
-    element('stage-line').textContent =
-      `stage ${run.stage}: ${run.iteration.toLocaleString('en')} of ${run.iterations.toLocaleString('en')} iterations`;
     const ended = run.phase === 'finished' || run.phase === 'interrupted';
+    const known = run.seconds_left !== null && !ended;
+    const done = known ? Math.floor(100 * run.seconds / Math.max(run.seconds + run.seconds_left, 1)) : 0;
+    element('stage-line').textContent = `stage ${run.stage}: ${run.iteration.toLocaleString('en')} of ` +
+      `${run.iterations.toLocaleString('en')} iterations${known ? `, about ${done}\u00A0% of the run's time` : ''}`;
     const facts = [['training', decibels(run.train_psnr)], ['held out', decibels(run.test_psnr)],
                    ['loss', run.loss === null ? null : run.loss.toFixed(4)],
                    ['Gaussians', run.gaussians.toLocaleString('en')],
@@ -92,8 +94,8 @@ class RunPanel {
                  Object.assign(document.createElement('dd'), {textContent: value === null ? '-' : value}));
       return box;
     }));
-    const left = run.seconds_left === null || ended ? '' : `, ${duration(run.seconds_left)} left`;
-    document.title = `${ended ? run.phase : `${Math.floor(100 * share)} % ${run.stage}`}${left} - ${run.name}`;
+    const left = known ? `, ${duration(run.seconds_left)} left` : '';
+    document.title = `${ended ? run.phase : `${run.stage} ${Math.floor(100 * share)} %`}${left} - ${run.name}`;
   }
 
   curves() {
