@@ -325,6 +325,12 @@ def main():
         dead = browser.evaluate("[...document.querySelectorAll('button')].filter((e) => e.offsetHeight > 0)"
                                 ".map((e) => e.getAttribute('aria-label'))")
         expect("and has no buttons that do nothing", dead == ["close"], dead)
+        (folder / "torso.html").write_bytes(cut[:20000])
+        browser.page("Page.navigate", url=(folder / "torso.html").as_uri())
+        said = "document.getElementById('cut')"
+        expect("one that ends within its script, too",
+               until(browser, f"{said} !== null && getComputedStyle({said}).visibility === 'visible'"))
+        keep(browser, "torso")
         short = SlowServer(cut[:len(cut) // 2])
         short.go.set()
         found = browser.open(short.address)

@@ -18,6 +18,7 @@ function showLoading(share) {
 
 // While the model, `total` characters, comes. Browsers do not say that a connection broke.
 function watchLoading(total) {
+  element('cut').remove();
   let before = -1, since = 0, told = false;
   watching = setInterval(() => {
     let come = 0;
