@@ -1,5 +1,5 @@
 # How sources become libraries and programs, but for what tg_options says.
-option(TG_UNITY "Compile the sources of a target in batches: a cold build takes about half the time" ON)
+tg_switch(TG_UNITY ON "Compile the sources of a target in batches: a cold build takes about half the time")
 set(CMAKE_UNITY_BUILD ${TG_UNITY})
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 8)
 

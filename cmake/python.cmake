@@ -1,6 +1,6 @@
 # The Python module (docs/python.md). Sets TG_PYTHON_FOUND. TG_PYTHON: AUTO builds it where Python's headers and pybind11
 # are, ON fails without them, OFF does not look.
-set(TG_PYTHON OFF CACHE STRING "Build the Python module: AUTO (where Python's headers and pybind11 are), ON, OFF")
+tg_switch(TG_PYTHON OFF "Build the Python module: AUTO (where Python's headers and pybind11 are), ON, OFF" AUTO)
 set(TG_PYTHON_FOUND OFF)
 set(TG_PYTHON_MISSING "TG_PYTHON is OFF")
 
