@@ -141,9 +141,14 @@ void writePackedPly(const Path& path, const Bundle& source, const WriteOptions&,
 }
 
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  written.order =
-      writeSog(path, source.model,
-               {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)});
+  std::uint64_t clipped = 0;
+  written.order = writeSog(
+      path, source.model,
+      {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)}, &clipped);
+  if (clipped != 0) {
+    written.warnings.push_back(std::to_string(clipped) +
+                               " texels with a channel outside what SOG's steps reach: clipped");
+  }
 }
 
 // Keys may be sorted, and names of files fill the start.

@@ -31,6 +31,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kCoefficientStep = 0.03;  // of DC and SH, at options.steps 1
 constexpr double kLastCode = 65535;        // of a coordinate
+constexpr double kWidestStep = 1;          // of texels
 
 // Steps of the other codes, 1 at least, at options.steps `f`: such that a byte less costs a picture about as much
 // whatever it is taken from (docs/lab/converter.md).
@@ -110,6 +111,9 @@ class SogWriter {
                 [&](std::int64_t i) { entries[1 + i] = {images_[i].first, encodeWebp(images_[i].second)}; });
     return entries;
   }
+
+  // Of those written, how many the widest steps do not reach.
+  std::uint64_t clippedTexels() const { return clipped_texels_; }
 
  private:
   // Of at least `pixels` pixels, opaque, and named so in the list that is returned.
@@ -315,7 +319,7 @@ class SogWriter {
     for (int k = 0; k < 4 && !magnitudes[k].empty(); ++k) {
       steps[k == 3] = reachingStep(steps[k == 3], static_cast<double>(mostOf(magnitudes[k])));
     }
-    for (double& own : steps) own = shortDouble(static_cast<float>(std::min(own, 1.0)));
+    for (double& own : steps) own = shortDouble(static_cast<float>(std::min(own, kWidestStep)));
     return steps;
   }
 
@@ -351,12 +355,16 @@ class SogWriter {
           const double spread = spreads[t] * stored.coarser[i];
           glm::vec4& texel = model_.atlas.texels[stored.rects[i].offset + t];
           std::uint8_t* bytes = values.data.data() + 4 * at++;
+          bool clips = false;
           for (int k = 0; k < 4; ++k) {
             const double own = sog::texelStep(steps[k == 3], spread, stored.shared()), neutral = k == 3 ? 1.0 : 0.0;
-            bytes[k] = toByte(wholeSteps((texel[k] - neutral) / own) + sog::kNeutralByte);
+            const double stored_byte = wholeSteps((texel[k] - neutral) / own) + sog::kNeutralByte;
+            clips = clips || (steps[k == 3] == kWidestStep && (stored_byte < 0 || stored_byte > 255));
+            bytes[k] = toByte(stored_byte);
             texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * own);
           }
           texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+          clipped_texels_ += clips;
         }
       }
     }
@@ -386,6 +394,7 @@ class SogWriter {
   GaussianModel model_;
   std::vector<int> shortest_axes_;  // of the model as it is given
   bool own_textures_ = false;       // each Gaussian its own
+  std::uint64_t clipped_texels_ = 0;
   const SogOptions& options_;
   const std::string& path_;
   Json meta_ = Json::object(), textures_;
@@ -394,20 +403,24 @@ class SogWriter {
 
 }  // namespace
 
-std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, const SogOptions& options) {
+std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, const SogOptions& options,
+                               std::uint64_t* clipped) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   TG_ASSERT(options.steps >= kLeastSteps && options.steps <= kMostSteps && options.texture_step > 0,
             "steps that the format has");
   if (model.size() == 0) throw Error(ErrorKind::badData, path, "the model has no Gaussians");
   renameAxesForCoding(model);
-  return SogWriter(std::move(model), options, path).write();
+  SogWriter writer(std::move(model), options, path);
+  std::vector<ZipEntry> entries = writer.write();
+  if (clipped) *clipped = writer.clippedTexels();
+  return entries;
 }
 
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
-                                    const SogOptions& options) {
+                                    const SogOptions& options, std::uint64_t* clipped) {
   std::vector<std::uint32_t> order;
   if (model.size() > 0) order = hilbertOrder(model.mean);
-  const std::vector<ZipEntry> entries = sogFiles(select(model, order), path.string(), options);
+  const std::vector<ZipEntry> entries = sogFiles(select(model, order), path.string(), options, clipped);
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries, path); });
   return order;
 }

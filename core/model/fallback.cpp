@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "core/model/verbs.h"
@@ -112,7 +113,9 @@ void forEachMean(const GaussianModel& model, const Body& body) {
 GaussianModel bakeFallback(const GaussianModel& model, FallbackScale scale) {
   GaussianModel base = withoutTextures(model);
   forEachMean(model, [&](std::int64_t i, const TextureMean& mean) {
-    base.sh[i * model.shCount()] += glm::vec3(mean.color / static_cast<double>(kShC0));
+    glm::vec3& color = base.sh[i * model.shCount()];
+    constexpr float kMost = std::numeric_limits<float>::max();
+    color = glm::clamp(color + glm::vec3(mean.color / static_cast<double>(kShC0)), -kMost, kMost);
     if (!hasAlpha(model.texture_mode)) return;
     const StandIn alpha = standIn(mean, scale);
     base.opacity_logit[i] = logitFromOpacity(sigmoid(model.opacity_logit[i], alpha.opacity));

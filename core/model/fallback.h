@@ -11,6 +11,7 @@ enum class FallbackScale { kept, fitted };
 
 // The same Gaussians without textures: each colour, opacity and, if they are fitted, its scales changed by its
 // texture's mean and spread, weighted by the Gaussian (docs/gltf.md, "Fallback"). Untextured Gaussians are unchanged.
+// Colours that no float holds end at the largest, so that files of them can be read.
 GaussianModel bakeFallback(const GaussianModel& model, FallbackScale scale);
 
 // The inverse, in place, where `model` has the textures beside what stands in for them. Opacities above 1 become 1.

@@ -232,6 +232,17 @@ TEST_CASE("SOG: textures come back, and other readers see the fallback") {
   }
 }
 
+TEST_CASE("SOG: texels that no steps reach are counted") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(test::SceneKind::ordinary, 17, 120).model;
+  std::uint64_t clipped = 1;
+  writeSog(scratch.folder() / "a.sog", model, {}, &clipped);
+  CHECK(clipped == 0);
+  for (glm::vec4& texel : model.atlas.texels) texel.x = 1e6f;
+  writeSog(scratch.folder() / "a.sog", model, {}, &clipped);
+  CHECK(clipped == model.atlas.texels.size());
+}
+
 TEST_CASE("SOG: the base of shared textures has their alpha in its scales, which readers of textures take off again") {
   const Scratch scratch;
   test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 19, 60);

@@ -53,6 +53,12 @@ TEST_CASE("a texture that is as thin everywhere is a fainter Gaussian in the bas
   }
 }
 
+TEST_CASE("a base of texels as bright as floats reach is finite") {
+  const GaussianModel base =
+      bakeFallback(withTextures([](int) { return glm::vec4(1e38f, -1e38f, 0.5f, 1.0f); }), FallbackScale::fitted);
+  CHECK_NOTHROW(checkModel(base, "base"));
+}
+
 TEST_CASE("what stands in for textures comes off again") {
   test::Random random(12);
   const GaussianModel odd =
