@@ -14,37 +14,40 @@ ViewScore scoreOf(const tg::ViewScore& score) { return {score.name, score.psnr, 
 }  // namespace
 
 Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOptions& options) {
-  return guarded([&] {
-    const std::shared_ptr<const tg::Dataset> own = Access::dataset(dataset);
-    const std::shared_ptr<const tg::Bundle> bundle = Access::bundle(model);
-    const std::unique_ptr<tg::Renderer> renderer = tg::makeCpuRenderer();
+  const std::shared_ptr<const tg::Dataset> own = Access::dataset(dataset);
+  const std::shared_ptr<const tg::Bundle> bundle = Access::bundle(model);
+  std::unique_ptr<tg::Renderer> renderer;
+  tg::RenderSettings settings;
+  tg::ScoreOptions score_options;
+  std::vector<std::size_t> chosen;
+  guarded([&] {
+    renderer = tg::makeCpuRenderer();
     renderer->setModel({bundle, &bundle->model});
-    tg::RenderSettings settings;
     settings.textures = modeOf(options.textures);
     const auto split = enumOf<Split>(options.split, Split::all, "split");
     settings.background = own->background;
     settings.outputs = {tg::Output::final};
-    tg::ScoreOptions score_options;
     score_options.flip = options.flip;
-    std::vector<std::size_t> chosen;
     for (std::size_t view = 0; view < own->views.size(); ++view) {
       if (split == Split::all || own->views[view].test == (split == Split::test)) chosen.push_back(view);
     }
     if (chosen.empty()) throw tg::Error(tg::ErrorKind::usage, own->name, "has no photographs of this split");
-    std::vector<tg::ViewScore> scores;
-    for (const std::size_t view : chosen) {
+  });
+  std::vector<tg::ViewScore> scores;
+  for (const std::size_t view : chosen) {
+    guarded([&] {
       const tg::Camera& camera = own->views[view];
       tg::Image picture = tg::extract(renderer->render(camera, settings), tg::Output::final);
       tg::clampToUnit(picture);
       scores.push_back(tg::scoreView(camera.name, *own->pixels(view), picture, score_options));
-      if (options.progress) options.progress(scores.size(), chosen.size());
-    }
-    Evaluation evaluation;
-    for (const tg::ViewScore& score : scores) evaluation.views.push_back(scoreOf(score));
-    evaluation.mean = scoreOf(tg::meanView(scores));
-    evaluation.mean.name.clear();
-    return evaluation;
-  });
+    });
+    if (options.progress) options.progress(scores.size(), chosen.size());  // what it throws is the caller's own
+  }
+  Evaluation evaluation;
+  for (const tg::ViewScore& score : scores) evaluation.views.push_back(scoreOf(score));
+  evaluation.mean = scoreOf(tg::meanView(scores));
+  evaluation.mean.name.clear();
+  return evaluation;
 }
 
 }  // namespace textured_gaussians

@@ -8,6 +8,7 @@
 #include <limits>
 #include <sstream>
 #include <string>
+#include <system_error>
 #include <thread>
 
 #include "support/catch.h"
@@ -158,6 +159,19 @@ TEST_CASE("a file that is not there, none or of no known format is refused with 
   CHECK(Model::load(folder / "model.glb").background() == model.background());
   left = model.save(folder / "model.ply");
   CHECK(std::ranges::any_of(left, [](const std::string& line) { return line.find("texture") != line.npos; }));
+}
+
+TEST_CASE("a model that makes no file of a format is refused as such") {
+  const TemporaryFolder folder;
+  const Model none((ModelData()));
+  for (const std::string format : {"glb", "gltf", "html", "sog", "compressed.ply"}) {
+    CHECK_THAT(messageOf([&] { none.save(folder / ("none." + format)); }, ErrorKind::badData),
+               Contains("the model has no Gaussians"));
+  }
+  ModelData data = Model::load(kSample).data();
+  for (std::size_t i = 0; i < data.texels.size(); i += 4) data.texels[i] = 1e6f;
+  CHECK_THAT(messageOf([&] { Model(data).save(folder / "a.tgz"); }, ErrorKind::cannotWrite), Contains("half float"));
+  CHECK_THAT(Model(data).save(folder / "a.sog").back(), Contains("texels with a channel outside"));
 }
 
 TEST_CASE("a camera that is none is refused") {
@@ -333,6 +347,11 @@ TEST_CASE("an evaluation has every photograph of the split, and its means are th
   };
   CHECK_THROWS_AS(evaluate(model, dataset, {.split = Split::train, .progress = tell}), int);
   CHECK(told == std::vector<std::size_t>{1, 2, 3, 4, 5});
+  // An exception of a kind that the library turns into its own Error where it is its own.
+  const auto fail = [](std::size_t, std::size_t) {
+    throw std::system_error(std::make_error_code(std::errc::io_error));
+  };
+  CHECK_THROWS_AS(evaluate(model, dataset, {.progress = fail}), std::system_error);
   CHECK(evaluate(model, dataset, {.split = Split::train}).views.size() == 6);
   CHECK(evaluate(model, dataset, {.split = Split::all}).views.size() == 8);
   CHECK(evaluate(model, dataset, {.textures = TextureMode::none}).mean.psnr < test.mean.psnr);

@@ -59,7 +59,8 @@ class Model {
   static Model load(const std::filesystem::path& path);
   // In the format of the extension, which may hold less than the model (docs/formats.md). Half-float texels at most. A
   // file that is there is replaced once the new one is complete. Throws Error: cannotWrite; usage for another
-  // extension, or that of pictures. Returns what the format does not hold, a line each.
+  // extension, or that of pictures; badData for what makes no file of the format, as no Gaussians for most, or too
+  // large textures. Returns what the format does not hold, a line each.
   std::vector<std::string> save(const std::filesystem::path& path) const;
 
   std::size_t size() const;  // N
