@@ -13,6 +13,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -25,15 +26,32 @@ using namespace textured_gaussians;
 
 namespace {
 
-using Floats = py::array_t<float, py::array::c_style | py::array::forcecast>;
-using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+// An argument that arrayFrom() takes.
+bool isThere(PyObject* object) { return object != nullptr; }
+class ArrayLike : public py::object {
+  PYBIND11_OBJECT_DEFAULT(ArrayLike, object, isThere)
+};
+
+}  // namespace
+
+// In docstrings as in __init__.pyi.
+template <>
+struct py::detail::handle_type_name<ArrayLike> {
+  static constexpr auto name = const_name("numpy.typing.ArrayLike");
+};
+
+namespace {
+
+template <typename Number>
+using ArrayOf = py::array_t<Number, py::array::c_style | py::array::forcecast>;
 using Shape = std::vector<py::ssize_t>;
 
 // One line, as Error promises, whatever text of the caller's the message holds.
-[[noreturn]] void refuse(std::string message) {
+std::string oneLine(std::string message) {
   std::ranges::replace_if(message, [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
-  throw Error(ErrorKind::usage, message);
+  return message;
 }
+[[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, oneLine(message)); }
 
 // Names of files need not be UTF-8: as os.fsencode and os.fsdecode have them.
 std::string fileNameFrom(const py::str& name) {
@@ -102,6 +120,22 @@ std::string shapeText(const py::array& array) {
   return "[" + text + "]";
 }
 
+// An array of numbers whose type's kind, NumPy's letter, is one of `kinds`. NumPy makes numbers of texts, dates and
+// truths, too, and of masked values what lies behind the mask. Throws TypeError, which begins with `expected`.
+template <typename Number>
+ArrayOf<Number> arrayFrom(const py::object& given, std::string_view kinds, const std::string& expected) {
+  const auto requireType = [&](bool right, const py::object& found) {
+    if (!right) throw py::type_error(oneLine(expected + ", found " + std::string(py::str(found))));
+  };
+  const auto array = py::array::ensure(given);
+  requireType(static_cast<bool>(array), py::type::of(given).attr("__name__"));
+  requireType(!py::isinstance(given, py::module_::import("numpy.ma").attr("MaskedArray")), py::str("masked values"));
+  requireType(array.size() == 0 || kinds.find(array.dtype().kind()) != kinds.npos, array.dtype());
+  const auto numbers = ArrayOf<Number>::ensure(array);
+  if (!numbers) throw std::bad_alloc();
+  return numbers;
+}
+
 // An array of the shape that `expected` names; a side of -1 is free.
 template <typename Array>
 void requireShape(const Array& array, const Shape& shape, const std::string& name, const std::string& expected) {
@@ -112,33 +146,37 @@ void requireShape(const Array& array, const Shape& shape, const std::string& nam
   if (!right) refuse(name + ": expected an array of shape " + expected + ", found " + shapeText(array));
 }
 
-std::vector<float> floatsOf(const Floats& array, const Shape& shape, const std::string& name,
+std::vector<float> floatsOf(const py::object& given, const Shape& shape, const std::string& name,
                             const std::string& expected) {
+  const auto array = arrayFrom<float>(given, "fiu", name + ": expected numbers");
   requireShape(array, shape, name, expected);
   return {array.data(), array.data() + array.size()};
 }
 
 template <std::size_t kCount>
-void fill(std::array<double, kCount>& numbers, const Doubles& array, const Shape& shape, const std::string& name,
+void fill(std::array<double, kCount>& numbers, const py::object& given, const Shape& shape, const std::string& name,
           const std::string& expected) {
+  const auto array = arrayFrom<double>(given, "fiu", name + ": expected numbers");
   requireShape(array, shape, name, expected);
   std::copy_n(array.data(), kCount, numbers.begin());
 }
 
 // ---- Models
 
-Model makeModel(const Floats& means, const Floats& rotations, const Floats& log_scales, const Floats& opacity_logits,
-                const Floats& sh, const std::string& texture_mode, const std::optional<py::array>& texture_rects,
-                const std::optional<Floats>& texels, const std::array<float, 3>& background,
-                const std::vector<Camera>& cameras, const std::string& intersection, const std::string& outside) {
+Model makeModel(const ArrayLike& means, const ArrayLike& rotations, const ArrayLike& log_scales,
+                const ArrayLike& opacity_logits, const ArrayLike& sh, const std::string& texture_mode,
+                const std::optional<py::array>& texture_rects, const std::optional<ArrayLike>& texels,
+                const std::array<float, 3>& background, const std::vector<Camera>& cameras,
+                const std::string& intersection, const std::string& outside) {
   ModelData data;
   data.means = floatsOf(means, {-1, 3}, "means", "[N, 3]");
-  const py::ssize_t n = means.shape(0);
+  const auto n = static_cast<py::ssize_t>(data.means.size() / 3);
   data.rotations = floatsOf(rotations, {n, 4}, "rotations", "[N, 4]");
   data.log_scales = floatsOf(log_scales, {n, 3}, "log_scales", "[N, 3]");
   data.opacity_logits = floatsOf(opacity_logits, {n}, "opacity_logits", "[N]");
-  data.sh = floatsOf(sh, {n, -1, 3}, "sh", "[N, K, 3]");
-  const py::ssize_t k = sh.shape(1);
+  const auto coefficients = arrayFrom<float>(sh, "fiu", "sh: expected numbers");
+  data.sh = floatsOf(coefficients, {n, -1, 3}, "sh", "[N, K, 3]");
+  const py::ssize_t k = coefficients.shape(1);
   while (data.sh_degree < 3 && (data.sh_degree + 1) * (data.sh_degree + 1) < k) ++data.sh_degree;
   if ((data.sh_degree + 1) * (data.sh_degree + 1) != k)
     refuse("sh: expected K of 1, 4, 9 or 16, found " + std::to_string(k));
@@ -149,11 +187,7 @@ Model makeModel(const Floats& means, const Floats& rotations, const Floats& log_
   data.cameras = cameras;
   if (texels) data.texels = floatsOf(*texels, {-1, 4}, "texels", "[T, 4]");
   if (texture_rects) {
-    if (const char kind = texture_rects->dtype().kind(); texture_rects->size() > 0 && kind != 'i' && kind != 'u') {
-      refuse("texture_rects: expected integers, found " + py::str(texture_rects->dtype()).cast<std::string>());
-    }
-    const auto rects = py::array_t < std::int64_t, py::array::c_style | py::array::forcecast > ::ensure(*texture_rects);
-    if (!rects) throw py::error_already_set();
+    const auto rects = arrayFrom<std::int64_t>(*texture_rects, "iu", "texture_rects: expected integers");
     // None, as a model without textures has them.
     const bool none = rects.ndim() == 2 && rects.shape(0) == 0 && rects.shape(1) == 3;
     if (!none) requireShape(rects, {n, 3}, "texture_rects", "[N, 3]");
@@ -188,6 +222,7 @@ void bindError(py::module_& module) {
   error.attr("__doc__") =
       "What the library refuses, with one line for users.\n\nkind: \"usage\", \"cannot_read\", \"bad_data\", "
       "\"cannot_write\" or \"device\".";
+  error.attr("kind") = kKinds[static_cast<int>(ErrorKind::usage)];  // of one that Python makes
   py::register_exception_translator([](std::exception_ptr thrown) {
     try {
       if (thrown) std::rethrow_exception(thrown);
@@ -235,8 +270,8 @@ void bindCamera(py::module_& module) {
 Axes: x right, y down, z forward; pixel centres lie at +0.5, the image's left edge at x = 0. A point p of the world
 appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p + translation.)")
       .def(
-          py::init([](const Doubles& rotation, const Doubles& translation, const Doubles& focal, const Doubles& center,
-                      int width, int height, const py::str& name, bool test) {
+          py::init([](const ArrayLike& rotation, const ArrayLike& translation, const ArrayLike& focal,
+                      const ArrayLike& center, int width, int height, const py::str& name, bool test) {
             Camera camera;
             fill(camera.rotation, rotation, {3, 3}, "rotation", "[3, 3]");
             fill(camera.translation, translation, {3}, "translation", "[3]");
@@ -400,10 +435,8 @@ opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands
   module.def(
       "write_image",
       [](const std::filesystem::path& path, const py::array& given) {
-        if (given.dtype().kind() != 'f') {  // 8 bits would be clamped to white
-          refuse("image: expected floats, black 0 and white 1, found " + std::string(py::str(given.dtype())));
-        }
-        const Floats image(given);
+        const auto image = arrayFrom<float>(
+            given, "f", "image: expected floats, black 0 and white 1");  // 8 bits would be clamped to white
         if (image.ndim() != 2 && image.ndim() != 3) {
           refuse("image: expected an array of shape [height, width] or [height, width, channels], found " +
                  shapeText(image));

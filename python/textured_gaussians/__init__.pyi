@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # The types of the module; what each function does, with shapes and units, is in its docstring.
 import os
-from typing import List, Literal, Optional, Sequence, Tuple, Union
+from typing import List, Literal, NoReturn, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,25 @@ _Floats = npt.NDArray[np.float32]
 _Doubles = npt.NDArray[np.float64]
 
 __version__: str
+
+__all__ = [
+    "Camera",
+    "ConvertReport",
+    "Dataset",
+    "Error",
+    "Evaluation",
+    "Model",
+    "Progress",
+    "Renderer",
+    "Trainer",
+    "ViewScore",
+    "convert",
+    "evaluate",
+    "look_at",
+    "read_image",
+    "set_threads",
+    "write_image",
+]
 
 class Error(RuntimeError):
     kind: Literal["usage", "cannot_read", "bad_data", "cannot_write", "device"]
@@ -129,6 +148,7 @@ def read_image(path: _Path) -> _Floats: ...
 def write_image(path: _Path, image: npt.NDArray[np.floating]) -> None: ...
 
 class Dataset:
+    def __init__(self, _made_by_load: NoReturn) -> None: ...
     @staticmethod
     def load(
         folder: _Path,
@@ -145,6 +165,7 @@ class Dataset:
     def photograph(self, index: int) -> _Floats: ...
 
 class Progress:
+    def __init__(self, _made_by_the_module: NoReturn) -> None: ...
     @property
     def stage(self) -> str: ...
     @property
@@ -174,6 +195,7 @@ class Trainer:
     def model(self) -> Model: ...
 
 class ViewScore:
+    def __init__(self, _made_by_the_module: NoReturn) -> None: ...
     @property
     def name(self) -> str: ...
     @property
@@ -184,6 +206,7 @@ class ViewScore:
     def flip(self) -> Optional[float]: ...
 
 class Evaluation:
+    def __init__(self, _made_by_the_module: NoReturn) -> None: ...
     @property
     def views(self) -> List[ViewScore]: ...
     @property
@@ -199,6 +222,7 @@ def evaluate(
 ) -> Evaluation: ...
 
 class ConvertReport:
+    def __init__(self, _made_by_the_module: NoReturn) -> None: ...
     @property
     def input_format(self) -> str: ...
     @property

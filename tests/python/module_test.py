@@ -91,13 +91,25 @@ class Models(Folder):
                 ("sh", np.zeros((2, 5, 3)), "usage", "sh: expected K of 1, 4, 9 or 16, found 5"),
                 ("texture_mode", "rgbx", "usage", 'texture mode: expected one of none, alpha, rgb, rgba, found "rgbx"'),
                 ("texture_rects", np.array([[0, 2, 2], [-1, 1, 1]]), "usage", "texture_rects: row 1"),
-                ("texture_rects", np.full((2, 3), 2.9), "usage", "texture_rects: expected integers, found float64"),
                 ("texture_rects", np.array([[0, 2, 2], [0, 0, 0]]), "bad_data", "Gaussian 0")):
             with self.subTest(name=name):
                 self.refused(kind, words, tg.Model, **(good | {name: value}))
-        with self.assertRaises(TypeError):
-            tg.Model(**(good | {"means": "far"}))
-        plain = tg.Model(**good)
+        for name, value, words in (
+                ("means", "far", "means: expected numbers, found <U3"), ("means", None, "found object"),
+                ("means", [[0, 0, 0], [0]], "means: expected numbers, found "),
+                ("rotations", np.ones((2, 4), bool), "rotations: expected numbers, found bool"),
+                ("means", np.zeros((2, 3), complex), "found complex128"),
+                ("log_scales", np.zeros((2, 3), "M8[s]"), "found datetime64[s]"),
+                ("sh", [[["1", "2", "3"]]] * 2, "sh: expected numbers, found <U1"),
+                ("opacity_logits", np.ma.masked_array(np.zeros(2), mask=[True, False]), "found masked values"),
+                ("texels", np.zeros((2, 4), bool), "texels: expected numbers, found bool"),
+                ("texture_rects", np.full((2, 3), 2.9), "texture_rects: expected integers, found float64")):
+            with self.subTest(name=name, value=value), self.assertRaises(TypeError) as caught:
+                tg.Model(**(good | {name: value}))
+            self.assertIn(words, str(caught.exception))
+        with self.assertRaisesRegex(TypeError, "focal: expected numbers, found <U1"):
+            tg.Camera(np.eye(3), (0, 0, 0), ("1", "2"), (1, 1), 2, 2)
+        plain = tg.Model(**{name: np.asarray(value, "i8") for name, value in good.items()})
         self.assertEqual(plain.texture_rects.shape, (0, 3))
         self.assertEqual(len(tg.Model(**good, texture_rects=plain.texture_rects, texels=plain.texels)), 2)
 
@@ -177,8 +189,8 @@ class Pictures(Folder):
         np.testing.assert_allclose(tg.read_image(self.folder / "a.png"), image, atol=0.5 / 255 + 1e-6)
         tg.write_image(self.folder / "grey.png", image[:, :, 0])
         self.assertEqual(tg.read_image(self.folder / "grey.png").shape, (2, 3))
-        self.refused("usage", "expected floats, black 0 and white 1, found uint8", tg.write_image,
-                     self.folder / "a.png", np.full((2, 2, 3), 100, np.uint8))
+        with self.assertRaisesRegex(TypeError, "image: expected floats, black 0 and white 1, found uint8"):
+            tg.write_image(self.folder / "a.png", np.full((2, 2, 3), 100, np.uint8))
         self.refused("cannot_write", "a.exr: ", tg.write_image, self.folder / "a.exr", np.full((2, 2), 1e5))
         self.refused("usage", "found [2]", tg.write_image, self.folder / "a.png", np.zeros(2))
         self.refused("usage", "no picture", tg.write_image, self.folder / "a.png", np.zeros((2, 2, 7)))
@@ -323,6 +335,8 @@ class Stubs(unittest.TestCase):
         tree = ast.parse((pathlib.Path(FOLDER) / "textured_gaussians/__init__.pyi").read_text())
         stubs = {node.name: node for node in tree.body if isinstance(node, (ast.ClassDef, ast.FunctionDef))}
         self.assertEqual(set(stubs), set(tg.__all__))
+        lists = [ast.literal_eval(node.value) for node in tree.body if ast.unparse(node).startswith("__all__ = ")]
+        self.assertEqual(lists, [tg.__all__])
         for name, node in stubs.items():
             real = getattr(tg, name)
             self.assertTrue(real.__doc__, name)
@@ -330,8 +344,17 @@ class Stubs(unittest.TestCase):
                 self.check_arguments(name, node, real)
                 continue
             members = {each.name: each for each in node.body if isinstance(each, ast.FunctionDef)}
+            values = {each.target.id for each in node.body if isinstance(each, ast.AnnAssign)}
             own = {each for each in vars(real) if not each.startswith("_")}
-            self.assertEqual({each for each in members if not each.startswith("_")}, own, name)
+            self.assertEqual({each for each in members if not each.startswith("_")} | values, own, name)
+            # Without a constructor nothing fits the only argument.
+            made = members.pop("__init__", None)
+            if made and ast.unparse(made.args.args[-1]).endswith(": NoReturn"):
+                self.assertRaisesRegex(TypeError, "No constructor defined", real)
+            elif made:
+                self.check_arguments(f"{name}.__init__", made, real.__init__)
+            else:
+                self.assertTrue(issubclass(real, Exception), f"{name} is made as any object in __init__.pyi")
             for member, function in members.items():
                 if not any(isinstance(d, ast.Name) and d.id == "property" for d in function.decorator_list):
                     self.check_arguments(f"{name}.{member}", function, getattr(real, member))
@@ -341,6 +364,9 @@ class Stubs(unittest.TestCase):
         arguments = [each.arg for each in node.args.args + node.args.kwonlyargs if each.arg != "self"]
         for argument in arguments:
             self.assertIn(f"{argument}: ", documented, name)
+
+    def test_an_error_of_a_programs_own_has_a_kind(self):
+        self.assertEqual(tg.Error("text").kind, "usage")
 
     def test_numpy_2_is_refused_by_a_module_that_would_misread_it(self):
         run = subprocess.run(
