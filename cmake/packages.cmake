@@ -9,6 +9,11 @@ set(doc_folder ${CMAKE_INSTALL_DATADIR}/doc/textured-gaussians)
 install(FILES README.md CHANGELOG.md CONTRIBUTING.md SECURITY.md LICENSE CITATION.cff
   DESTINATION ${doc_folder} COMPONENT doc)
 install(DIRECTORY docs DESTINATION ${doc_folder} COMPONENT doc)
+# What these link to, in the same places.
+install(FILES web/README.md DESTINATION ${doc_folder}/web COMPONENT doc)
+install(DIRECTORY web/examples web/src DESTINATION ${doc_folder}/web COMPONENT doc)
+install(DIRECTORY library/examples library/include DESTINATION ${doc_folder}/library COMPONENT doc)
+install(DIRECTORY scripts/farm DESTINATION ${doc_folder}/scripts COMPONENT doc USE_SOURCE_PERMISSIONS)
 
 set(CPACK_PACKAGE_NAME textured-gaussians)
 set(CPACK_PACKAGE_VENDOR "The maintainers of Textured Gaussians")
@@ -82,6 +87,11 @@ endforeach()
 string(TOLOWER ${CMAKE_SYSTEM_NAME}-${CMAKE_SYSTEM_PROCESSOR} CPACK_TG_MACHINE)
 if(TARGET tg_glfw)
   get_target_property(CPACK_TG_GLFW glfw LOCATION)
+endif()
+# Debian's packages whose code becomes part of programs and of the static library: nothing else brings their licences.
+set(CPACK_TG_COMPILED_IN libcli11-dev libglm-dev nlohmann-json3-dev)
+if(TARGET tgview)
+  list(APPEND CPACK_TG_COMPILED_IN libimgui-dev libstb-dev)
 endif()
 set(CPACK_TG_SOURCE ${PROJECT_SOURCE_DIR})
 

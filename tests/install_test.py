@@ -94,13 +94,24 @@ def check_without_libraries(program, folder):
           f"{program.name} without GLFW: {result.returncode}, {result.stderr}")
 
 
+def check_links(folder):
+    """docs_links_test.py holds these links in the source; what they lead to is installed, too."""
+    for page in folder.rglob("*.md"):
+        prose = re.sub(r"^(?:    [^\n]*|```.*?^```)$", "", page.read_text(), flags=re.S | re.M)
+        for link in re.findall(r"\]\(([^)\s:#]+)[#)]", prose):
+            check((page.parent / link).exists(), f"{page.relative_to(folder)} links {link}, which is not installed")
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder:
         check_tools(pathlib.Path(folder, "tools"))
-        check_component("doc", pathlib.Path(folder, "doc"),
-                        [f"share/doc/textured-gaussians/{name}" for name in ("README.md", "LICENSE", "docs/sample.tgz")])
+        documents = "share/doc/textured-gaussians"
+        root, _ = check_component("doc", pathlib.Path(folder, "doc"),
+                                  [f"{documents}/{name}" for name in ("README.md", "LICENSE", "docs/sample.tgz")])
+        check_links(root / documents)
         check_component("dev", pathlib.Path(folder, "dev"),
                         ["lib/libtextured_gaussians.a", "lib/cmake/textured_gaussians/textured_gaussians-config.cmake",
+                         "lib/pkgconfig/textured_gaussians.pc",
                          "include/textured_gaussians/textured_gaussians.h"])
         if "tgview" in programs and sys.platform == "linux" and platform.machine() in ("x86_64", "aarch64"):
             pathlib.Path(folder, "missing").mkdir()

@@ -1,6 +1,13 @@
 # Run by cpack between installing and packing.
 cmake_minimum_required(VERSION 3.24)
 
+# Into FOLDER the licences of Debian's packages, each by its name.
+function(tg_stage_licences folder)
+  foreach(package IN LISTS ARGN)
+    configure_file(/usr/share/doc/${package}/copyright ${folder}/${package} COPYONLY)
+  endforeach()
+endfunction()
+
 # Each Debian package gets its changelogs and copyright, compressed manual pages, zsh's completions where Debian's zsh
 # looks for them, and no second text of the licence.
 function(tg_stage_debian_package component)
@@ -8,6 +15,9 @@ function(tg_stage_debian_package component)
   set(root ${CPACK_TEMPORARY_INSTALL_DIRECTORY}/${component}${CPACK_PACKAGING_INSTALL_PREFIX})
   set(doc ${root}/share/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME})
   configure_file(${CPACK_TG_SOURCE}/cmake/packages/copyright ${doc}/copyright COPYONLY)
+  if(NOT component STREQUAL "doc")
+    tg_stage_licences(${doc}/libraries ${CPACK_TG_COMPILED_IN})
+  endif()
   configure_file(${CPACK_TG_SOURCE}/CHANGELOG.md ${doc}/changelog COPYONLY)
   file(WRITE ${doc}/changelog.Debian "${CPACK_TG_CHANGELOG}")
   file(GLOB manuals ${root}/share/man/man*/*)
@@ -40,8 +50,9 @@ function(tg_stage_archive root)
     string(REGEX REPLACE "^/usr/" "*/" known ${file})  # some packages say /lib
     execute_process(COMMAND dpkg-query --search ${known} OUTPUT_VARIABLE package COMMAND_ERROR_IS_FATAL ANY)
     string(REGEX REPLACE ":.*" "" package ${package})
-    configure_file(/usr/share/doc/${package}/copyright ${root}/share/doc/textured-gaussians/libraries/${package} COPYONLY)
+    list(APPEND packages ${package})
   endforeach()
+  tg_stage_licences(${root}/share/doc/textured-gaussians/libraries ${packages} ${CPACK_TG_COMPILED_IN})
   foreach(program IN LISTS programs)
     execute_process(COMMAND patchelf --set-rpath "$ORIGIN/../lib/textured-gaussians" ${program} COMMAND_ERROR_IS_FATAL ANY)
   endforeach()
