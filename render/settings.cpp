@@ -224,7 +224,8 @@ std::vector<RenderSetting> makeSettings() {
 }  // namespace
 
 const std::vector<RenderSetting>& renderSettings() {
-  static const std::vector<RenderSetting> settings = makeSettings();
+  // Never destroyed: a thread may still draw while the process ends.
+  static const std::vector<RenderSetting>& settings = *new std::vector<RenderSetting>(makeSettings());
   return settings;
 }
 
