@@ -70,7 +70,7 @@ bool hasCamerasDue(const ViewerState& state) {
 }
 
 OpenModels::View OpenModels::viewOf(const ViewerState& state) {
-  return {state.camera.pose, state.camera.lens, state.camera.index};
+  return {state.camera.pose, state.camera.lens, state.camera.index, state.camera.visited};
 }
 
 void OpenModels::setView(ViewerState& state, const View& view) {
@@ -78,6 +78,7 @@ void OpenModels::setView(ViewerState& state, const View& view) {
   state.camera.pose = view.pose;
   // The file may have been read again, with fewer cameras.
   state.camera.index = view.camera < static_cast<int>(cameras.size()) ? view.camera : -1;
+  state.camera.visited = view.visited;
   // A model's camera is wholly in view, also where the window has got another shape since.
   state.camera.lens =
       state.camera.index < 0 ? view.lens : lensOf(cameras[static_cast<std::size_t>(view.camera)], state.camera.aspect);
@@ -438,7 +439,7 @@ void OpenModels::sharedView(ViewerState& state) const {
   const int left = documentOf(state, left_);
   if (left < 0 || left == state.documents.shown || !sameCameras(sceneAt(state, left), state.scene)) return;
   const Document& document = state.documents.open[static_cast<std::size_t>(left)];
-  setView(state, {document.pose, document.lens, document.camera});
+  setView(state, {document.pose, document.lens, document.camera, document.visited});
 }
 
 void OpenModels::replace(ViewerState& state, int document, Scene scene) {
@@ -476,7 +477,7 @@ void OpenModels::show(ViewerState& state, int document) {
   if (!own_background) state.display.settings.background = background;
   // Models of one data set are looked at from one place.
   const bool together = sameCameras(before, state.scene);
-  setView(state, together ? view : View{kept.pose, kept.lens, kept.camera});
+  setView(state, together ? view : View{kept.pose, kept.lens, kept.camera, kept.visited});
 }
 
 void OpenModels::close(ViewerState& state, int document) {

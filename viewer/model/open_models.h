@@ -51,7 +51,7 @@ class OpenModels {
   struct View {
     ViewPose pose;
     Lens lens;
-    int camera = -1;  // of the model's
+    int camera = -1, visited = -1;  // of the model's
     bool operator==(const View& other) const;
   };
   static View viewOf(const ViewerState& state);

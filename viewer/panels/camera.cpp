@@ -61,7 +61,7 @@ void cameraSection(ViewerState& state) {
   auto degrees = static_cast<float>(state.camera.lens.fov_y / kDegrees);
   if (slider("##lens", degrees, 5.0f, 140.0f, "Lens %.1f\xc2\xb0")) {
     state.camera.lens.fov_y = degrees * kDegrees;
-    state.camera.index = -1;
+    leaveCamera(state.camera);
   }
   hint("Vertical field of view (Ctrl+wheel)");
   ImGui::SameLine(0, spacing);

@@ -15,18 +15,18 @@ constexpr std::array kCameraVerbs = {
     Verb{"fov", 1, 0,
          [](const Call& c) {
            c.state.camera.lens.fov_y = std::clamp(c.number(0) * kDegrees, kMinFov, kMaxFov);
-           c.state.camera.index = -1;
+           leaveCamera(c.state.camera);
          }},
     Verb{"camera", 1, 0, [](const Call& c) { goToCamera(c.state, c[0], c.what); }},
     Verb{"orbit", 2, 0,
          [](const Call& c) {
            orbit(c.state.camera.pose, c.number(0) * kDegrees, c.number(1) * kDegrees);
-           c.state.camera.index = -1;
+           leaveCamera(c.state.camera);
          }},
     Verb{"dolly", 1, 0,
          [](const Call& c) {
            dolly(c.state.camera.pose, c.number(0, 1e-3, 1e3));
-           c.state.camera.index = -1;
+           leaveCamera(c.state.camera);
          }},
     Verb{"fly", 1, 0, [](const Call& c) { c.state.camera.fly = c.on(); }},
     Verb{"up", 1, 0, [](const Call& c) { setUp(c.state, c.named<UpAxis>()); }},

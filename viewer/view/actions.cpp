@@ -43,7 +43,7 @@ void stepSetting(ViewerState& state, const KeyBinding& binding) {
 void stepSplit(ViewerState& state, int step, bool test) {
   const std::vector<Camera>& cameras = state.scene.cameras;
   const int count = static_cast<int>(cameras.size());
-  const int from = state.camera.index >= 0 ? state.camera.index : (step > 0 ? -1 : 0);
+  const int last = lastCamera(state), from = last >= 0 ? last : (step > 0 ? -1 : 0);
   for (int i = 1; i <= count; ++i) {
     const int index = ((from + step * i) % count + count) % count;
     if (cameras[index].test == test) return goToCamera(state, index);
@@ -165,7 +165,7 @@ void escape(ViewerState& state) {
 
 void lookFrom(ViewerState& state, Side side) {
   lookFrom(state.camera.pose, side);
-  state.camera.index = -1;
+  leaveCamera(state.camera);
   state.camera.turntable = false;
   state.path.playing = false;
 }
@@ -361,13 +361,13 @@ std::string keyOf(std::string_view setting) {
 void stepCamera(ViewerState& state, int step) {
   const int count = static_cast<int>(state.scene.cameras.size());
   if (count == 0) return notify(state, "This model has no cameras");
-  const int from = state.camera.index >= 0 ? state.camera.index : (step > 0 ? -1 : 0);
+  const int last = lastCamera(state), from = last >= 0 ? last : (step > 0 ? -1 : 0);
   goToCamera(state, (from + step + count) % count);
 }
 
 void frameScene(ViewerState& state) {
   frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds);
-  state.camera.index = -1;
+  leaveCamera(state.camera);
   state.path.playing = false;
 }
 

@@ -165,6 +165,7 @@ Camera fitted(const Camera& camera, int width, int height) {
 }
 
 void orbit(ViewPose& pose, double yaw, double pitch) {
+  if (yaw == 0 && pitch == 0) return;  // not even by a rounding: that would be another view
   const glm::dvec3 center = pose.pivot();
   turn(pose, yaw, pitch);
   pose.position = center - pose.distance * pose.forward();

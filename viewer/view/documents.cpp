@@ -55,6 +55,7 @@ void leaveDocument(ViewerState& state) {
   document.pose = state.camera.pose;
   document.lens = state.camera.lens;
   document.camera = state.camera.index;
+  document.visited = state.camera.visited;
   document.crop = state.display.crop;
   document.box = state.display.box;
   document.bookmarks = state.camera.bookmarks;
@@ -63,13 +64,17 @@ void leaveDocument(ViewerState& state) {
   document.history = std::exchange(state.history, {});
 }
 
-bool sameCameras(const Scene& a, const Scene& b) {
+bool samePlace(const Camera& a, const Camera& b, double radius) {
   constexpr double kRounding = 1e-4;  // [scene radii], and of a rotation's numbers: files of other formats round
+  if (glm::distance(a.position(), b.position()) > kRounding * radius) return false;
+  const glm::dmat3 turned = a.rotation - b.rotation;
+  return glm::dot(turned[0], turned[0]) + glm::dot(turned[1], turned[1]) + glm::dot(turned[2], turned[2]) <=
+         kRounding * kRounding;
+}
+
+bool sameCameras(const Scene& a, const Scene& b) {
   const auto same = [&](const Camera& x, const Camera& y) {
-    if (x.name != y.name || glm::distance(x.position(), y.position()) > kRounding * a.bounds.radius) return false;
-    const glm::dmat3 turned = x.rotation - y.rotation;
-    return glm::dot(turned[0], turned[0]) + glm::dot(turned[1], turned[1]) + glm::dot(turned[2], turned[2]) <=
-           kRounding * kRounding;
+    return x.name == y.name && samePlace(x, y, a.bounds.radius);
   };
   return !a.cameras.empty() && std::equal(a.cameras.begin(), a.cameras.end(), b.cameras.begin(), b.cameras.end(), same);
 }

@@ -21,7 +21,7 @@ struct Document {
   Scene scene;
   ViewPose pose;  // as it was left
   Lens lens;
-  int camera = -1;
+  int camera = -1, visited = -1;  // as CameraState has them
   bool crop = false;
   CropBox box;
   EditState edit;
@@ -69,6 +69,8 @@ EditState& editAt(ViewerState& state, int document);
 bool hasChanged(const ViewerState& state, int document);
 // Puts the scene and view shown back into their document; none is shown then, but ViewerState::scene stays.
 void leaveDocument(ViewerState& state);
+// Whether two cameras stand at one place and look the same way, but for rounding. `radius`: of their scene.
+bool samePlace(const Camera& a, const Camera& b, double radius);
 // Whether two scenes have the same cameras, in number, name and place, and at least one: models of one data set, of
 // which none has been moved. Their sizes may differ, with what they were trained at.
 bool sameCameras(const Scene& a, const Scene& b);

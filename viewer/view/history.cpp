@@ -243,7 +243,7 @@ void moveCameras(ViewerState& state, const HistoryStep& step, bool back) {
   if (step.camera_lists != state.scene.camera_lists) return;
   transformCameras(state.scene.cameras, similarity);
   state.scene.up = sceneUp(state.scene.cameras);
-  state.camera.index = -1;
+  leaveCamera(state.camera);
 }
 
 }  // namespace

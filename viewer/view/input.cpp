@@ -71,7 +71,7 @@ bool applyInput(ViewerState& state, const Input& input, int height) {
                      state.camera.pose.pitch != before.pitch || state.camera.pose.roll != before.roll ||
                      state.camera.lens.fov_y != lens_before.fov_y;
   if (moved) {
-    state.camera.index = -1;
+    leaveCamera(state.camera);
     state.path.playing = false;
   }
   return moved;

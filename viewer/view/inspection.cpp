@@ -91,7 +91,7 @@ void turnAbout(ViewerState& state, const Camera& camera, glm::ivec2 pixel, const
       std::find_if(hits.begin(), hits.end(), [](const PixelHit& h) { return h.transmittance * (1 - h.alpha) < 0.5; });
   if (at == hits.end()) at = hits.begin() + strongestHit(hits);
   centerOn(state.camera.pose, pointAt(camera, pixel, at->t));
-  state.camera.index = -1;
+  leaveCamera(state.camera);
   state.path.playing = false;
 }
 

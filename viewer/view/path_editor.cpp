@@ -101,7 +101,7 @@ void seekPath(ViewerState& state, double seconds) {
 void setUp(ViewerState& state, UpAxis axis) {
   state.camera.up = axis;
   state.camera.pose = leveled(state.camera.pose, upOf(state));
-  state.camera.index = -1;
+  leaveCamera(state.camera);
 }
 
 bool advance(ViewerState& state, double seconds) {
@@ -121,7 +121,7 @@ bool advance(ViewerState& state, double seconds) {
   }
   if (state.camera.turntable && seconds > 0) {
     orbit(state.camera.pose, state.camera.turntable_speed * seconds, 0);
-    state.camera.index = -1;
+    leaveCamera(state.camera);
     return true;
   }
   return false;

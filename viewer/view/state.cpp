@@ -79,6 +79,7 @@ void setScene(ViewerState& state, Scene scene) {
   state.history = {};
   state.camera.bookmarks.clear();
   state.camera.bookmark = -1;
+  state.camera.index = state.camera.visited = -1;
   const bool playing = state.path.playing;  // along the new model
   resetView(state);
   state.path.playing = playing;
@@ -91,7 +92,7 @@ void replaceScene(ViewerState& state, Scene scene) {
   scene.camera_lists = state.scene.camera_lists + (scene.cameras == state.scene.cameras ? 0 : 1);
   state.scene = std::move(scene);
   if (own_box) resetCrop(state);  // a part's holds no more than it
-  if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) state.camera.index = -1;
+  if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) leaveCamera(state.camera);
 }
 
 void goToCamera(ViewerState& state, int index) {
@@ -119,7 +120,7 @@ void setCamera(ViewerState& state, const Camera& camera) {
   TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "a picture has pixels");
   state.camera.pose = poseOf(camera, upOf(state), state.scene.bounds);
   state.camera.lens = lensOf(camera, state.camera.aspect);
-  state.camera.index = -1;
+  leaveCamera(state.camera);
 }
 
 int startCamera(std::span<const Camera> cameras) {
@@ -154,7 +155,25 @@ void resetView(ViewerState& state) {
   state.path.playing = false;
   state.camera.lens = {};
   state.camera.pose = startPose(upOf(state), state.scene.bounds, state.camera.lens, state.camera.aspect);
-  state.camera.index = -1;
+  leaveCamera(state.camera);
+}
+
+void leaveCamera(CameraState& camera) {
+  if (camera.index >= 0) camera.visited = camera.index;
+  camera.index = -1;
+}
+
+int cameraHere(const ViewerState& state) {
+  if (state.camera.index >= 0) return state.camera.index;
+  const Camera view = toCamera(state.camera.pose, state.camera.lens, 1, 1);
+  const auto at = std::ranges::find_if(
+      state.scene.cameras, [&](const Camera& camera) { return samePlace(camera, view, state.scene.bounds.radius); });
+  return at == state.scene.cameras.end() ? -1 : static_cast<int>(at - state.scene.cameras.begin());
+}
+
+int lastCamera(const ViewerState& state) {
+  const int last = state.camera.index >= 0 ? state.camera.index : state.camera.visited;
+  return last < static_cast<int>(state.scene.cameras.size()) ? last : -1;  // there may be fewer by now
 }
 
 std::filesystem::path freeName(const std::string& stem, const std::string& extension) {

@@ -30,6 +30,7 @@ struct CameraState {
   ViewPose pose;
   Lens lens;
   int index = -1;              // the model's camera that the pose is; -1 once it has moved
+  int visited = -1;            // the one that it was before it moved
   double speed = 1;            // [scene radii / s] of flying
   double aspect = 16.0 / 9.0;  // of the picture, written by the window
 
@@ -195,6 +196,12 @@ void setScene(ViewerState& state, Scene scene);
 void replaceScene(ViewerState& state, Scene scene);
 // Back to the first view: the start camera, or all of the model.
 void resetView(ViewerState& state);
+// The view is no camera of the model any more.
+void leaveCamera(CameraState& camera);
+// The model's camera at whose place the view is, through whatever lens; -1: none.
+int cameraHere(const ViewerState& state);
+// The model's camera that the view is or was last; -1: none.
+int lastCamera(const ViewerState& state);
 void goToCamera(ViewerState& state, int index);
 // The model's camera of that number, or a cameras.json's first. `what` names it in errors. Throws what cameraOf()
 // throws.

@@ -30,11 +30,12 @@ std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, s
     other.how.gain = compare.how.gain;
   }
   if (compare.with_photographs && photographs_) {
-    if (state.camera.index < 0) {
+    const int camera = cameraHere(state);
+    if (camera < 0) {
       problem = "No photograph was taken from here: go to a camera of the model (Space, or . and ,)";
       return std::nullopt;
     }
-    other.taken = state.scene.cameras[static_cast<std::size_t>(state.camera.index)];
+    other.taken = state.scene.cameras[static_cast<std::size_t>(camera)];
     other.photograph = photographs_->find(other.taken);
     if (!other.photograph.empty()) return other;
     problem = photographs_->folder().string() + ": holds no photograph \"" + other.taken.name + "\"";

@@ -146,6 +146,80 @@ TEST_CASE("the window has letters for every name that it shows") {
   for (const char* shown : {"images/a.jpg", "b", "c", "d"}) CHECK(names.contains(shown));
 }
 
+TEST_CASE("a press of a button without a movement leaves the view to the last bit") {
+  ViewerState state = stateWithCameras(20);
+  state.scene.bounds.center = {7, 3, 11};  // a pivot farther from the origin than the camera, which takes digits away
+  for (int camera = 0; camera < 20; ++camera) {
+    const glm::dvec3 eye(0.37 * camera - 1.1, 0.21 * camera, 0.13 * camera - 4.3);
+    state.scene.cameras[static_cast<std::size_t>(camera)] = lookAt(eye, {0.1, 0.2, 0.3}, {0, -1, 0}, 0.8, 64, 48);
+    goToCamera(state, camera);
+    const ViewPose start = state.camera.pose;
+    for (const bool left : {true, false}) {
+      Input input;
+      input.seconds = 0.1;
+      input.left = left;
+      input.middle = !left;
+      CHECK_FALSE(applyInput(state, input, 480));
+      CHECK(state.camera.pose == start);
+      CHECK(state.camera.index == camera);
+    }
+  }
+}
+
+TEST_CASE("after a move Space, full stop and comma go on from the camera that was left") {
+  ViewerState state = stateWithCameras(6);
+  for (int i : {1, 3, 5}) state.scene.cameras[i].test = true;
+  const auto stepped = [&](int from, int key, bool shift) {
+    goToCamera(state, from);
+    Input input;
+    input.left = true;
+    input.drag = {12, -5};
+    CHECK(applyInput(state, input, 480));
+    press(state, key, shift);
+    return state.camera.index;
+  };
+  CHECK(stepped(3, ' ', false) == 4);
+  CHECK(stepped(3, ' ', true) == 2);
+  CHECK(stepped(3, '.', false) == 5);
+  CHECK(stepped(3, ',', false) == 1);
+  CHECK(stepped(3, '.', true) == 4);
+  frameScene(state);
+  press(state, ' ');
+  CHECK(state.camera.index == 5);
+  frameScene(state);
+  // Another model has none that was left.
+  Scene other = state.scene;
+  other.cameras.clear();
+  setScene(state, other);
+  replaceScene(state, stateWithCameras(3).scene);
+  press(state, ' ');
+  CHECK(state.camera.index == 0);
+  press(state, ' ');
+  press(state, ' ');
+  frameScene(state);
+  replaceScene(state, stateWithCameras(2).scene);  // which the third one is none of
+  press(state, ' ');
+  CHECK(state.camera.index == 0);
+}
+
+TEST_CASE("the view is at a model's camera, but for rounding and through any lens, until it moves") {
+  ViewerState state = stateWithCameras(3);
+  goToCamera(state, 2);
+  Camera saved = toCamera(state.camera.pose, state.camera.lens, 640, 480);
+  saved.translation += 1e-9;
+  setCamera(state, saved);
+  CHECK(state.camera.index == -1);
+  CHECK(cameraHere(state) == 2);
+  Input input;
+  input.wheel = 3;
+  input.control = true;
+  CHECK(applyInput(state, input, 480));
+  CHECK(cameraHere(state) == 2);
+  input.control = false;
+  CHECK(applyInput(state, input, 480));
+  CHECK(cameraHere(state) == -1);
+}
+
 TEST_CASE("moving leaves the model's camera, Shift+F comes back to it") {
   ViewerState state = stateWithCameras(2);
   const ViewPose start = state.camera.pose;
