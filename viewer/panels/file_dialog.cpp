@@ -186,9 +186,18 @@ void contents(FileDialog& dialog, bool& cancelled) {
   ImGui::TextDisabled("%s", titleOf(dialog.use));
   places(browser);
   bool chosen = nameField(dialog);
-  const float below = 2 * line + ImGui::GetTextLineHeightWithSpacing();
+  const float width = ImGui::GetContentRegionAvail().x;
+  const float words = dialog.problem.empty() ? 0
+                                             : ImGui::CalcTextSize(dialog.problem.c_str(), nullptr, false, width).y +
+                                                   ImGui::GetStyle().ItemSpacing.y;
+  const float below = 2 * line + ImGui::GetTextLineHeightWithSpacing() + words;
   chosen = fileList(browser, std::max(ImGui::GetContentRegionAvail().y - below, 3 * line)) || chosen;
   filters(browser);
+  if (!dialog.problem.empty()) {
+    ImGui::PushStyleColor(ImGuiCol_Text, kErrorText);
+    ImGui::TextWrapped("%s", dialog.problem.c_str());
+    ImGui::PopStyleColor();
+  }
   const FileType* type = fileType(browser);
   if (browser.replaces) {
     ImGui::TextColored(kWarningText, "A file of this name is there already");

@@ -148,6 +148,19 @@ void discardUnsaved(ViewerState& state) {
   goOnClosing(state, question->closing);
 }
 
+void sayNotWritten(ViewerState& state, std::optional<FileDialog> dialog, const std::string& problem) {
+  state.messages.notice_until = 0;
+  if (!dialog || isModal(state)) {
+    state.messages.error = problem;
+    return;
+  }
+  dialog->problem = problem;
+  dialog->chosen.reset();
+  dialog->fresh = true;
+  enterFolder(dialog->browser, dialog->browser.folder);  // as it is now
+  state.desktop.dialog = std::move(dialog);
+}
+
 void notePathKept(ViewerState& state) { state.desktop.kept_path = state.path.path; }
 
 void noteBookmarksKept(ViewerState& state) { state.desktop.kept_bookmarks = formatCameras(state.camera.bookmarks); }

@@ -27,6 +27,7 @@ struct FileDialog {
   FileBrowser browser;
   std::optional<std::filesystem::path> chosen;  // the window takes it
   bool fresh = true;                            // not drawn yet
+  std::string problem;                          // why what was chosen could not be written; "" = nothing was
 };
 
 // What the user is asked about before it is lost.
@@ -57,6 +58,7 @@ struct DesktopState {
   bool stays_open = false;                                              // what is being saved closes nothing any more
   bool fullscreen = false;
   std::optional<glm::ivec2> turn_about;  // [px] of the picture: what is seen there is to be the pivot
+  std::optional<FileDialog> of_picture;  // what the picture that is being written was chosen in
   bool copy = false, paste = false;      // the camera, by the clipboard
   bool bookmarks_kept = false;           // between runs, so that none is lost
   CameraPath kept_path;                  // as it was read or saved last
@@ -82,6 +84,9 @@ void goOnClosing(ViewerState& state, const Closing& closing);  // after somethin
 void saveUnsaved(ViewerState& state);
 void discardUnsaved(ViewerState& state);
 void keepUnsaved(ViewerState& state);  // nothing is closed
+// A file could not be written: the dialog that it was chosen in comes back and says why. Without it, or while another
+// one is open, it is an error of the window.
+void sayNotWritten(ViewerState& state, std::optional<FileDialog> dialog, const std::string& problem);
 // After a file was read or written.
 void notePathKept(ViewerState& state);
 void noteBookmarksKept(ViewerState& state);

@@ -90,7 +90,9 @@ PixelRect DesktopControl::leaveWindow(GLFWwindow* window) {
 bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture) {
   DesktopState& desktop = state.desktop;
   const bool modal = isModal(state);
-  if (std::exchange(desktop.stays_open, false)) orders_.assign(orders_.size(), std::nullopt);
+  if (std::exchange(desktop.stays_open, false)) {
+    for (Order& order : orders_) order.after.reset();
+  }
   takeSaved(state);
   if (desktop.fullscreen != fullscreen_) setFullscreen(window, desktop.fullscreen);
   if (std::exchange(desktop.copy, false)) {
@@ -104,7 +106,7 @@ bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 p
     useFile(state, dialog);
   }
   if (const auto file = std::exchange(desktop.save_request, std::nullopt)) {
-    saveModel(state, state.scene.path, *file, std::nullopt);
+    saveModel(state, state.scene.path, *file, std::nullopt, std::nullopt);
   }
   if (desktop.wanted && !desktop.dialog) openDialog(state, *std::exchange(desktop.wanted, std::nullopt));
   // A dialog that was cancelled ends what was to follow.
@@ -175,16 +177,20 @@ void DesktopControl::useFile(ViewerState& state, const FileDialog& dialog) {
       notify(state, "Saved " + file.string());
       saved = true;
     });
+    if (saved) return;
+    desktop.after_saving = after;
+    sayNotWritten(state, dialog, std::exchange(state.messages.error, ""));
   };
   switch (dialog.use) {
     case FileUse::open:
       state.documents.open_requests.push_back(file);
       break;
     case FileUse::saveModel:
-      saveModel(state, dialog.model, file, after);
+      saveModel(state, dialog.model, file, after, dialog);
       break;
     case FileUse::savePicture:
       state.capture.picture = file;
+      desktop.of_picture = dialog;
       break;
     case FileUse::savePath:
       state.path.file = file.string();
@@ -202,7 +208,8 @@ void DesktopControl::useFile(ViewerState& state, const FileDialog& dialog) {
 
 // The one that the dialog was opened for: another one may be shown by now.
 void DesktopControl::saveModel(ViewerState& state, const std::filesystem::path& model,
-                               const std::filesystem::path& file, std::optional<Closing> after) {
+                               const std::filesystem::path& file, std::optional<Closing> after,
+                               std::optional<FileDialog> dialog) {
   const int document = documentOf(state, model);
   if (document < 0) return;
   const bool shown = document == state.documents.shown;
@@ -211,18 +218,18 @@ void DesktopControl::saveModel(ViewerState& state, const std::filesystem::path& 
   Scene saved = shown ? state.scene : open.scene;
   if (edit.revision != edit.read) noteEdited(saved.training_json);
   saver_.save(file, std::move(saved), edit.revision);
-  orders_.push_back(std::move(after));
+  orders_.push_back({std::move(after), std::move(dialog)});
   if (!quiet_) notify(state, "Saving " + file.string());
 }
 
 void DesktopControl::takeSaved(ViewerState& state) {
   while (const auto news = saver_.take()) {
-    const std::optional<Closing> after = std::move(orders_.front());
+    Order order = std::move(orders_.front());
     orders_.pop_front();
     if (!news->problem.empty()) {
       if (quiet_) throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
-      state.messages.error = news->problem;
-      state.messages.notice_until = 0;
+      if (order.dialog && !isModal(state)) state.desktop.after_saving = order.after;
+      sayNotWritten(state, std::move(order.dialog), news->problem);
       state.quit = false;
       continue;
     }
@@ -241,7 +248,7 @@ void DesktopControl::takeSaved(ViewerState& state) {
       sceneAt(state, document).file = identityOf(news->path);
     }
     noteModelKept(state, news->model, news->revision);
-    if (after) goOnClosing(state, *after);
+    if (order.after) goOnClosing(state, *order.after);
   }
 }
 

@@ -33,15 +33,21 @@ class DesktopControl {
   void openDialog(ViewerState& state, FileUse use);
   void useFile(ViewerState& state, const FileDialog& dialog);
   void saveModel(ViewerState& state, const std::filesystem::path& model, const std::filesystem::path& file,
-                 std::optional<Closing> after);
+                 std::optional<Closing> after, std::optional<FileDialog> dialog);
   void takeSaved(ViewerState& state);
   void setFullscreen(GLFWwindow* window, bool on);
+
+  // Of the saver, under way.
+  struct Order {
+    std::optional<Closing> after;      // what follows
+    std::optional<FileDialog> dialog;  // that its file was chosen in
+  };
 
   const bool quiet_;              // a script's pictures must not show lines that fade
   std::filesystem::path folder_;  // of the last dialog
   bool fullscreen_ = false;
-  glm::ivec2 place_{0}, size_{0};              // of the window before
-  std::deque<std::optional<Closing>> orders_;  // of the saver, under way: what follows each
+  glm::ivec2 place_{0}, size_{0};  // of the window before
+  std::deque<Order> orders_;
   ModelSaver saver_;
 };
 

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// What follows from a dialog, without a window.
+#include "viewer/window/desktop_control.h"
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "core/tiny_model.h"
+#include "support/catch.h"
+#include "support/temporary_folder.h"
+#include "viewer/view/path_editor.h"
+
+using namespace tg;
+
+namespace {
+
+ViewerState stateWithModel() {
+  Scene scene;
+  scene.path = "tiny.tgz";
+  scene.model = std::make_shared<GaussianModel>(tinyTexturedModel(4));
+  measure(scene);
+  ViewerState state;
+  state.documents.open.emplace_back().path = scene.path;
+  state.documents.shown = 0;
+  setScene(state, scene);
+  addKey(state);
+  return state;
+}
+
+// As Enter leaves it.
+void choose(ViewerState& state, FileUse use, const std::filesystem::path& folder, const std::string& text) {
+  FileDialog& dialog = state.desktop.dialog.emplace();
+  dialog.use = use;
+  dialog.model = state.scene.path;
+  dialog.browser.saves = true;
+  enterFolder(dialog.browser, folder);
+  dialog.browser.text = text;
+  dialog.chosen = folder / text;
+}
+
+}  // namespace
+
+TEST_CASE("what cannot be written brings its dialog back with the name and the reason") {
+  const TemporaryFolder folder;
+  for (const FileUse use : {FileUse::savePath, FileUse::saveModel}) {
+    ViewerState state = stateWithModel();
+    DesktopControl control({}, [] {});
+    const std::string name = use == FileUse::savePath ? "named.json" : "named.tgz";
+    choose(state, use, folder.path, "missing/" + name);
+    state.desktop.after_saving = Closing{Closing::Way::model, state.scene.path};
+    const auto update = [&](const std::function<bool()>& until) {
+      const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+      do {
+        (void)control.update(state, nullptr, {64, 48});
+        if (!until()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      } while (!until() && std::chrono::steady_clock::now() < end);
+    };
+    update([&] { return state.desktop.dialog && !state.desktop.dialog->chosen; });
+    REQUIRE(state.desktop.dialog);
+    CHECK(state.desktop.dialog->use == use);
+    CHECK(state.desktop.dialog->browser.text == "missing/" + name);
+    CHECK_THAT(state.desktop.dialog->problem, Contains(name));
+    CHECK(state.messages.error.empty());
+    CHECK(state.desktop.after_saving);  // still follows
+    CHECK_FALSE(state.documents.close_request);
+    choose(state, use, folder.path, name);
+    update([&] { return std::filesystem::exists(folder / name) && !state.desktop.saving; });
+    CHECK(std::filesystem::exists(folder / name));
+    CHECK_FALSE(state.desktop.dialog);
+    CHECK(state.documents.close_request == 0);
+  }
+}
+
+TEST_CASE("what cannot be written beside another dialog is an error of the window") {
+  ViewerState state = stateWithModel();
+  choose(state, FileUse::savePath, ".", "path.json");
+  sayNotWritten(state, FileDialog{}, "a.tgz: no room");
+  CHECK(state.messages.error == "a.tgz: no room");
+  CHECK(state.desktop.dialog->problem.empty());
+}
