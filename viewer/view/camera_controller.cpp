@@ -16,6 +16,7 @@ constexpr double kMaxPitch = 1.55;     // [rad] 88.8 degrees: closer to the pole
 constexpr double kMinDistance = 1e-4;  // [world units]
 constexpr double kMaxDistance = 1e9;
 constexpr std::size_t kBoundsSample = 200'000;
+constexpr double kInner = 0.8, kBeyondInner = 1.1;  // a share of the Gaussians, and bounds against their reach, at most
 
 // Columns: two horizontal axes and up.
 glm::dmat3 levelBasis(glm::dvec3 up) {
@@ -75,7 +76,9 @@ SceneBounds sceneBounds(const GaussianModel& model) {
     values[i] = glm::length(glm::dvec3(model.mean[i * step]) - bounds.center) +
                 2.0 * std::exp(double{std::max({s.x, s.y, s.z})});
   }
-  bounds.radius = std::clamp(quantile(values, 0.95), kMinDistance, kMaxDistance);
+  // A scene without an end has large Gaussians far behind its subject, which from beyond them is seen through haze.
+  bounds.radius = std::min(quantile(values, 0.95), kBeyondInner * quantile(values, kInner));
+  bounds.radius = std::clamp(bounds.radius, kMinDistance, kMaxDistance);
   return bounds;
 }
 

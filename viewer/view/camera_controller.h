@@ -47,7 +47,7 @@ constexpr double kMaxFov = 2.6;
 constexpr double kMaxPixelAspect = 1000;  // of the lens, fx / fy, either way
 constexpr double kMaxShift = 1000;        // of its principal point, in focal lengths
 
-// Median of the means; reach of 95 % of the Gaussians, so that a few far floaters do not make the scene a dot.
+// Median of the means; reach of 95 % of the Gaussians, or little more than of 80 %: no far floater makes it a dot.
 SceneBounds sceneBounds(const GaussianModel& model);
 // Mean of the cameras' image-up directions; where there are none or they cancel: -y, as COLMAP's scenes mostly stand.
 glm::dvec3 sceneUp(std::span<const Camera> cameras);

@@ -239,6 +239,16 @@ TEST_CASE("bounds ignore a few far floaters and survive absurd scales") {
   CHECK(sceneBounds(GaussianModel{}).radius == 1);
 }
 
+TEST_CASE("bounds are those of the subject, not of a far background of large Gaussians") {
+  GaussianModel model = test::trainedLikeModel(5, 400);
+  const SceneBounds clean = sceneBounds(model);
+  for (std::size_t i = 0; i < model.size(); i += 7) {  // a seventh
+    model.mean[i] *= 8.0f;
+    model.log_scale[i] += 2.0f;
+  }
+  CHECK(sceneBounds(model).radius < 1.5 * clean.radius);
+}
+
 TEST_CASE("the sides of a scene are looked at level, around the pivot, with its up at the top") {
   test::Random random(5);
   for (const glm::dvec3 up : {glm::dvec3(0, -1, 0), glm::dvec3(0, 0, 1), glm::dvec3(0, 1, 0)}) {
