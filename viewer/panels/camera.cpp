@@ -126,6 +126,7 @@ void bookmarkSection(ViewerState& state) {
   hint("From a cameras.json of this name");
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   textField("##bookmarks", file, "file");
+  fileHint(file);
   const float close = ImGui::GetFrameHeight();
   for (int i = 0; i < static_cast<int>(camera.bookmarks.size()); ++i) {
     ImGui::PushID(i);

@@ -63,7 +63,27 @@ void modeControls(CompareState& compare) {
       slider("##gain", how.gain, 1.0f, kMaxGain, "Gain %.1f", ImGuiSliderFlags_Logarithmic);
       break;
     default:
+      ImGui::Dummy({0, ImGui::GetFrameHeight()});
       break;
+  }
+}
+
+// A line, whatever it says.
+void result(const CompareState& compare) {
+  if (compare.how.mode == CompareMode::off) {
+    ImGui::NewLine();
+  } else if (!compare.problem.empty()) {
+    ImGui::TextColored(kWarningText, "%s", cutMiddle(compare.problem, ImGui::GetContentRegionAvail().x).c_str());
+    hint(compare.problem.c_str());
+  } else if (compare.metrics) {
+    ImGui::Text("PSNR %.2f dB", compare.metrics->psnr);
+    ImGui::SameLine();
+    ImGui::Text("SSIM %.4f", compare.metrics->ssim);
+    ImGui::SameLine();
+    ImGui::Text("FLIP %.4f", compare.metrics->flip);
+    hint("Of this view, the other one being the truth");
+  } else {
+    ImGui::TextDisabled(compare.measured ? "no pixel in common" : "measuring");
   }
 }
 
@@ -89,22 +109,9 @@ void compareSection(ViewerState& state) {
     }
     hint(labels[static_cast<std::size_t>(i)].second);
   }
-  if (compare.how.mode == CompareMode::off) return;
+  // All modes are of one height: what lies below stays under the pointer that steps through them.
   modeControls(compare);
-  if (!compare.problem.empty()) {
-    ImGui::PushStyleColor(ImGuiCol_Text, kWarningText);
-    ImGui::TextWrapped("%s", compare.problem.c_str());
-    ImGui::PopStyleColor();
-  } else if (compare.metrics) {
-    ImGui::Text("PSNR %.2f dB", compare.metrics->psnr);
-    ImGui::SameLine();
-    ImGui::Text("SSIM %.4f", compare.metrics->ssim);
-    ImGui::SameLine();
-    ImGui::Text("FLIP %.4f", compare.metrics->flip);
-    hint("Of this view, the other one being the truth");
-  } else {
-    ImGui::TextDisabled(compare.measured ? "no pixel in common" : "measuring");
-  }
+  result(compare);
 }
 
 }  // namespace tg

@@ -104,7 +104,10 @@ void settingSection(ViewerState& state, const char* title) {
 }
 
 void textureSection(ViewerState& state) {
-  ImGui::BeginDisabled(state.scene.textured == 0);
+  const bool beside = state.compare.how.mode != CompareMode::off && !state.compare.with_photographs;
+  const int other = beside ? otherDocument(state) : -1;
+  const bool textured = state.scene.textured > 0 || (other >= 0 && sceneAt(state, other).textured > 0);
+  ImGui::BeginDisabled(!textured);
   settingSection(state, "TEXTURES");
   ImGui::EndDisabled();
 }
@@ -115,9 +118,10 @@ void backgroundSection(ViewerState& state) {
   ImGui::ColorEdit3("##background", &color.x, ImGuiColorEditFlags_NoInputs);
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   ImGui::SameLine(0, spacing);
-  if (segment("Black", color == glm::vec3(0.0f), 0, 3)) color = glm::vec3(0.0f);
-  if (segment("White", color == glm::vec3(1.0f), 1, 3)) color = glm::vec3(1.0f);
-  if (segment("Model's", color == state.scene.background, 2, 3)) color = state.scene.background;
+  const bool own = color == state.scene.background;  // which may be black, and is lit alone then
+  if (segment("Black", !own && color == glm::vec3(0.0f), 0, 3)) color = glm::vec3(0.0f);
+  if (segment("White", !own && color == glm::vec3(1.0f), 1, 3)) color = glm::vec3(1.0f);
+  if (segment("Model's", own, 2, 3)) color = state.scene.background;
   hint("What the model was trained against");
   settingWidgets(state, "BACKGROUND");
 }

@@ -80,11 +80,11 @@ struct Column {
 constexpr std::array kColumns = {
     Column{"index", HitColumn::index, "", "Of the Gaussian"},
     Column{"depth", HitColumn::depth, "0.0000", "Camera z of the hit"},
-    Column{"wt", HitColumn::weight, "100", "Weight: its share of the pixel, T x alpha [%]"},
-    Column{"al", HitColumn::alpha, "100", "Alpha: opacity x value x texture, at the hit [%]"},
-    Column{"b t", HitColumn::order, "", "Base colour, and what the texture adds (grey: nothing); sorts front to back"},
+    Column{"weight", HitColumn::weight, "100", "Weight: its share of the pixel, T x alpha [%]"},
+    Column{"alpha", HitColumn::alpha, "100", "Alpha: opacity x value x texture, at the hit [%]"},
+    Column{"rgb", HitColumn::order, "", "Base colour, and what the texture adds (grey: nothing); sorts front to back"},
     Column{"size", HitColumn::size, "0.000", "Its longest sigma, in world units"},
-    Column{"op", HitColumn::opacity, "100", "Opacity of the Gaussian [%]"},
+    Column{"opacity", HitColumn::opacity, "100", "Opacity of the Gaussian [%]"},
 };
 constexpr float kLeastGap = 6, kMostGap = 18;  // [ImGui units] between columns
 

@@ -128,15 +128,35 @@ void waiting(const ViewerState& state) {
   ImGui::End();
 }
 
-// What is being read, at the lower end of the picture.
-void progress(const ViewerState& state) {
-  const LoadState& loading = state.loading;
+// A window for a bar, `above` [font heights] the lower end of the picture, where notices are.
+void beginProgress(const ViewerState& state, const char* id, float above) {
   const ImVec2 center = pictureCenter(state);
   const float font = ImGui::GetFontSize();
-  ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - 3.5f * font}, ImGuiCond_Always, {0.5f, 1.0f});
+  ImGui::SetNextWindowPos({center.x, ImGui::GetIO().DisplaySize.y - above * font}, ImGuiCond_Always, {0.5f, 1.0f});
   ImGui::SetNextWindowSize({std::min(22 * font, 2 * (ImGui::GetIO().DisplaySize.x - center.x)), 0});
   ImGui::SetNextWindowBgAlpha(0.9f);
-  ImGui::Begin("loading", nullptr, kPassive);
+  ImGui::Begin(id, nullptr, kPassive);
+}
+
+// How far a recording is, whatever page is shown.
+void recording(const ViewerState& state) {
+  const RecordState& record = state.record;
+  beginProgress(state, "recording", 7.5f);
+  const char* words = record.waits ? "waits, Esc cancels" : "Esc cancels";
+  const float room = ImGui::GetContentRegionAvail().x - ImGui::CalcTextSize(words).x - ImGui::GetFontSize();
+  ImGui::TextUnformatted(cutMiddle("Recording " + printable(record.out.string()), room).c_str());
+  ImGui::SameLine();
+  ImGui::TextDisabled("%s", words);
+  const float share = record.frames > 0 ? static_cast<float>(record.done) / static_cast<float>(record.frames) : 0.0f;
+  const std::string text = "frame " + std::to_string(record.done) + " of " + std::to_string(record.frames);
+  ImGui::ProgressBar(share, {-1, 0}, record.frames > 0 ? text.c_str() : "begins");
+  ImGui::End();
+}
+
+// What is being read.
+void progress(const ViewerState& state) {
+  const LoadState& loading = state.loading;
+  beginProgress(state, "loading", 3.5f);
   ImGui::TextUnformatted(printable(loading.path.filename().string()).c_str());
   ImGui::SameLine();
   if (loading.waiting > 0) {
@@ -223,10 +243,29 @@ void comparison(const ViewerState& state) {
     case CompareMode::flicker:
       label(0, 1, how.shows_other ? other : first);
       break;
+    case CompareMode::flip:
+      label(0, 1, "FLIP of " + first + " against " + other);
+      break;
     default:
-      label(0, 1, other + " - " + first);
+      label(0, 1, how.with_sign ? other + " - " + first : "|" + other + " - " + first + "|");
       break;
   }
+}
+
+// In the half that stays empty: why there is no picture beside the model's.
+void noComparison(const ViewerState& state) {
+  const CompareState& compare = state.compare;
+  const bool empty = compare.how.mode == CompareMode::side && !compare.problem.empty() && !state.record.wanted;
+  if (!empty || !state.scene.model) return;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float left = panelWidth(state, size.x), font = ImGui::GetFontSize();
+  const float begin = std::max(left + (size.x - left) / 2, besidePanel(state)), room = size.x - begin - 2 * font;
+  if (room <= 3 * font) return;
+  const char* text = compare.problem.c_str();
+  const ImVec2 extent = ImGui::CalcTextSize(text, nullptr, false, room);
+  ImGui::GetBackgroundDrawList()->AddText(ImGui::GetFont(), font,
+                                          {begin + font + (room - extent.x) / 2, (size.y - extent.y) / 2},
+                                          ImGui::GetColorU32(kWarningText), text, nullptr, room);
 }
 
 // In the lower left corner of the picture, as --legend draws it.
@@ -287,9 +326,11 @@ void overlays(ViewerState& state) {
   if (state.ui.help) help(state);
   if (state.follow.active && state.follow.reloads == 0 && !state.follow.problem.empty()) waiting(state);
   if (state.ui.panel) comparison(state);
+  noComparison(state);
   if (state.ui.panel && state.scene.model) legend(state);
   if (!state.scene.model && !state.loading.active && !state.follow.active) welcome(state);
   if (state.loading.active) progress(state);
+  if (state.record.wanted) recording(state);
   if (!state.messages.error.empty()) errorPanel(state);
   if (state.time < state.messages.notice_until) notice(state);
 }

@@ -16,6 +16,7 @@ namespace {
 
 constexpr float kPictureFonts = 25;  // [font heights] where the panel leaves less it lies over the picture
 constexpr float kOverlayFonts = 12;  // [font heights] where the panel leaves less, words lie over it, too
+constexpr float kPageFonts = 16;     // [font heights] where the lines above a page leave less they scroll with it
 constexpr float kEdgeFonts = 0.5f;   // [font heights] of the panel's edge, which the pointer takes
 
 // Of the panel [ImGui units], whatever it covers.
@@ -67,13 +68,25 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   ImGui::PopStyleVar();
   pushNoTabStop();  // the key is that of textures
   panelMenu(state);
+  ImGuiStorage& kept = *ImGui::GetStateStorage();
+  const ImGuiID head = ImGui::GetID("head"), shown = ImGui::GetID("shown page");
+  const float left = ImGui::GetContentRegionAvail().y - kept.GetFloat(head);  // by the head of the frame before
+  const bool low = left < kPageFonts * ImGui::GetFontSize();
+  if (low) ImGui::BeginChild("page");
+  const float top = ImGui::GetCursorPosY();
   documentsSection(state);
   modelSection(state);
   trainingSection(state);
   compareSection(state);
   historySection(state);
+  const float above_tabs = ImGui::GetCursorPosY();
   tabs(state);
-  ImGui::BeginChild("page");
+  kept.SetFloat(head, ImGui::GetCursorPosY() - top);
+  if (!low) ImGui::BeginChild("page");
+  // Another page begins at its top.
+  const int page = static_cast<int>(state.ui.tab);
+  if (kept.GetInt(shown, page) != page) ImGui::SetScrollY(low ? std::min(ImGui::GetScrollY(), above_tabs) : 0.0f);
+  kept.SetInt(shown, page);
   ImGui::BeginDisabled(!state.scene.model);
   switch (state.ui.tab) {
     case Tab::view:
@@ -121,8 +134,10 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
 }  // namespace
 
 float panelWidth(const ViewerState& state, float window_width) {
+  // Of two pictures beside each other one would be hidden.
+  const float least = state.compare.how.mode == CompareMode::side ? kOverlayFonts : kPictureFonts;
   const float width = fullWidth(state);
-  return state.ui.panel && window_width - width >= kPictureFonts * ImGui::GetFontSize() ? width : 0.0f;
+  return state.ui.panel && window_width - width >= least * ImGui::GetFontSize() ? width : 0.0f;
 }
 
 float besidePanel(const ViewerState& state) {

@@ -108,6 +108,7 @@ void pathFileSection(ViewerState& state) {
   heading("FILE");
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   textField("##file", file, "file");
+  fileHint(file);
   if (segment("Load", false, 0, 3)) attempt(state, [&] { readPathFile(state, file); });
   hint("A path, or a cameras.json as keys a second apart");
   ImGui::BeginDisabled(state.path.path.keys.empty());
@@ -125,7 +126,7 @@ void recordSection(ViewerState& state) {
   std::string out = record.out.string();
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   if (textField("##out", out, "out.mp4, frames/####.png or a folder")) record.out = out;
-  hint(".mp4, .mov, .mkv, .webm (with ffmpeg), frames/####.png, or a folder");
+  fileHint(record.out, ".mp4, .mov, .mkv, .webm (with ffmpeg), frames/####.png, or a folder\n");
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
   ImGui::SetNextItemWidth(half);

@@ -7,6 +7,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/system/error.h"
+#include "viewer/view/names.h"
+
 namespace tg {
 namespace {
 
@@ -27,6 +30,11 @@ void hint(const char* text) {
   ImGui::TextUnformatted(text);
   ImGui::PopTextWrapPos();
   ImGui::EndTooltip();
+}
+
+void fileHint(const std::filesystem::path& file, const std::string& words) {
+  if (!ImGui::IsItemHovered() || file.empty()) return;
+  hint((words + "That is " + printable(absolutePath(file).string())).c_str());
 }
 
 namespace {

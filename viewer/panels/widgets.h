@@ -4,6 +4,7 @@
 #include <imgui.h>
 
 #include <cstddef>
+#include <filesystem>
 #include <string>
 
 namespace tg {
@@ -25,6 +26,8 @@ void popNoTabStop();
 void heading(const char* text);
 // The tooltip of the widget before.
 void hint(const char* text);
+// The same of a field with a file's name: where that file is, below other words.
+void fileHint(const std::filesystem::path& file, const std::string& words = "");
 // One of `count` buttons that share a row, the active one coloured. True when clicked.
 bool segment(const char* label, bool active, int index, int count);
 // A slider as wide as the next item, whose mark lies below its words. `value`, `low` and `high` are of `type`.

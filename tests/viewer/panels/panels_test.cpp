@@ -105,6 +105,15 @@ ViewerState fullState() {
   return state;
 }
 
+const ImGuiWindow& pageWindow() {
+  const auto& windows = ImGui::GetCurrentContext()->Windows;
+  const auto found = std::ranges::find_if(windows, [](const ImGuiWindow* window) {
+    return std::string_view(window->Name).find("/page") != std::string_view::npos;
+  });
+  REQUIRE(found != windows.end());
+  return **found;
+}
+
 // A place of each widget of the panel.
 std::map<ImGuiID, ImVec2> widgets(ViewerState state) {
   std::map<ImGuiID, ImVec2> places;
@@ -266,6 +275,7 @@ TEST_CASE("the inspector's columns hold their text and stand apart, however narr
       for (int c = 0; c < table->ColumnsCount; ++c, ++columns) {
         const ImGuiTableColumn& column = table->Columns[c];
         CHECK(std::max(column.ContentMaxXFrozen, column.ContentMaxXUnfrozen) <= column.WorkMaxX + 0.5f);
+        CHECK(std::string_view(ImGui::TableGetColumnName(table, c)).size() > 2);  // a word
         if (c > 0) CHECK(column.WorkMinX - table->Columns[c - 1].WorkMaxX >= 4);
       }
     }
@@ -362,6 +372,17 @@ TEST_CASE("words over the picture leave the panel's buttons free where it covers
   }
 }
 
+TEST_CASE("the panel covers no half of two pictures beside each other, where it would cover one picture") {
+  ViewerState state = fullState();
+  const Interface interface;
+  ImGui::GetIO().DisplaySize = {500, 400};
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  CHECK(panelWidth(state, 500) == 0);
+  state.compare.how.mode = CompareMode::side;
+  CHECK(panelWidth(state, 500) > 200);
+  CHECK(panelWidth(state, 400) == 0);
+}
+
 TEST_CASE("a hint that is longer than the window is wide stays inside, as does a long name") {
   ViewerState state;
   state.recent = {"/" + std::string(300, 'x') + "/" + std::string(200, 'y') + ".tgz"};
@@ -385,16 +406,11 @@ TEST_CASE("outputs are buttons to click once there is a model") {
     ViewerState state = there ? bareState() : ViewerState();
     const Interface interface;
     for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
-    const auto& windows = ImGui::GetCurrentContext()->Windows;
-    const auto found = std::ranges::find_if(windows, [](const ImGuiWindow* window) {
-      return std::string_view(window->Name).find("/page") != std::string_view::npos;
-    });
-    REQUIRE(found != windows.end());
-    const ImGuiWindow* page = *found;
-    const ImVec2 corner = page->Pos;
+    const ImGuiWindow& page = pageWindow();
+    const ImVec2 corner = page.Pos;
     std::set<Output> shown;
     for (float y = corner.y; y < corner.y + 100; y += 8) {
-      for (float x = corner.x; x < corner.x + page->Size.x; x += 16) {
+      for (float x = corner.x; x < corner.x + page.Size.x; x += 16) {
         for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {x, y}, pressed);
         shown.insert(state.display.output);
       }
@@ -446,4 +462,154 @@ TEST_CASE("a text is cut in its middle, between letters, to the room that there 
   }
   ImGui::End();
   ImGui::EndFrame();
+}
+
+TEST_CASE("the buttons of textures can be clicked where one of two models beside each other has textures") {
+  for (const bool beside : {false, true}) {
+    INFO(beside);
+    ViewerState state = fullState();
+    state.scene.textured = 0;
+    if (beside) state.compare.how.mode = CompareMode::side;
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow& page = pageWindow();
+    std::set<TextureMode> chosen;
+    for (float y = page.Pos.y; y < page.Pos.y + 250; y += 8) {
+      for (float x = page.Pos.x; x < page.Pos.x + page.Size.x; x += 16) {
+        for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {x, y}, pressed);
+        chosen.insert(state.display.settings.textures);
+      }
+    }
+    CHECK(chosen.size() == (beside ? static_cast<std::size_t>(kCount<TextureMode>) : 1));
+  }
+}
+
+TEST_CASE("the page stays where it is through all ways to compare and all that is said of them") {
+  ViewerState state = fullState();
+  const Interface interface;
+  std::set<float> tops;
+  for (const CompareMode mode : valuesOf<CompareMode>()) {
+    state.compare.how.mode = mode;
+    for (const int said : {0, 1, 2, 3}) {
+      state.compare.problem = said == 1 ? std::string(200, 'x') : "";
+      state.compare.metrics.reset();
+      if (said == 2) state.compare.metrics = PictureMetrics{31.25, 0.9, 0.1};
+      state.compare.measured = said == 3;
+      for (int i = 0; i < 2; ++i) (void)interface.hovered(state, {-1, -1});
+      tops.insert(pageWindow().Pos.y);
+    }
+  }
+  CHECK(tops.size() == 1);
+}
+
+TEST_CASE("a recording says how far it is on every page") {
+  for (const Tab tab : valuesOf<Tab>()) {
+    INFO(name(tab));
+    ViewerState state = bareState();
+    state.ui.tab = tab;
+    state.record.out = "/a/folder/" + std::string(200, 'x') + "/turn.mp4";
+    const Interface interface;
+    for (const bool records : {false, true}) {
+      state.record.wanted = records;
+      state.record.frames = 120;
+      state.record.done = 7;
+      for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+      const ImGuiWindow* window = ImGui::FindWindowByName("recording");
+      REQUIRE((window != nullptr) == records);
+      if (!records) continue;
+      CHECK(window->Pos.x >= panelWidth(state, Interface::kWidth));
+      CHECK(window->Pos.x + window->Size.x <= Interface::kWidth);
+      CHECK(window->ContentSize.x <= window->Size.x);
+    }
+  }
+}
+
+TEST_CASE("the half that has no picture beside the model's says why") {
+  ViewerState state = bareState();
+  state.compare.how.mode = CompareMode::side;
+  const Interface interface;
+  const auto drawnBehind = [&] {
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImVector<ImDrawVert>& points = ImGui::GetBackgroundDrawList()->VtxBuffer;
+    const float left = panelWidth(state, Interface::kWidth);
+    for (const ImDrawVert& point : points) CHECK(point.pos.x > (left + Interface::kWidth) / 2);
+    return points.Size;
+  };
+  state.compare.problem = "No photograph was taken from here";
+  for (const bool panel : {true, false}) {
+    state.ui.panel = panel;
+    CHECK(drawnBehind() > 0);
+  }
+  state.compare.how.mode = CompareMode::flicker;
+  CHECK(drawnBehind() == 0);
+}
+
+TEST_CASE("a window that is too low for what stands above a page scrolls it with the page") {
+  ViewerState state = fullState();
+  const Interface interface;
+  for (const float height : {1000.0f, 400.0f}) {
+    INFO(height);
+    ImGui::GetIO().DisplaySize.y = height;
+    for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow& page = pageWindow();
+    CHECK(page.Size.y > 200);
+    CHECK((page.Pos.y < 60) == (height < 500));
+    if (height < 500) CHECK(page.ScrollMax.y > 200);
+  }
+}
+
+TEST_CASE("another page begins at its top, however far the one before was scrolled") {
+  ViewerState state = fullState();
+  const Interface interface;
+  for (const float height : {760.0f, 400.0f}) {
+    INFO(height);
+    ImGui::GetIO().DisplaySize.y = height;
+    state.ui.tab = Tab::view;
+    for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
+    ImGuiWindow* page = ImGui::FindWindowByName(pageWindow().Name);
+    REQUIRE(page->ScrollMax.y > 0);
+    ImGui::SetScrollY(page, page->ScrollMax.y);
+    for (int i = 0; i < 2; ++i) (void)interface.hovered(state, {-1, -1});
+    const float scrolled = page->Scroll.y;
+    CHECK(scrolled > 0);
+    state.ui.tab = Tab::inspect;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    CHECK(page->Scroll.y < scrolled);
+    if (height > 500) CHECK(page->Scroll.y == 0);
+  }
+}
+
+TEST_CASE("a dialog that says why a file could not be written keeps its buttons inside") {
+  const TemporaryFolder folder;
+  ViewerState state = bareState();
+  FileDialog& dialog = state.desktop.dialog.emplace();
+  dialog.use = FileUse::saveModel;
+  dialog.browser.saves = true;
+  dialog.browser.types = {{".tgz", ""}, {".ply", ""}};
+  enterFolder(dialog.browser, folder.path);
+  const Interface interface;
+  float content = 0;
+  for (const std::string& problem : {std::string(), "/a/" + std::string(150, 'x') + "/b.tgz: cannot write"}) {
+    dialog.problem = problem;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow* window = ImGui::FindWindowByName("file dialog");
+    REQUIRE(window);
+    CHECK(window->ContentSize.y <= window->Size.y - 2 * window->WindowPadding.y + 1);
+    if (problem.empty()) content = window->ContentSize.y;
+    CHECK(window->ContentSize.y == Approx(content).margin(1));  // the list gives the room
+  }
+}
+
+TEST_CASE("of the backgrounds one button is lit, the model's own where that is black, too") {
+  const auto lit = [](glm::vec3 background) {
+    ViewerState state = bareState();
+    state.scene.background = state.display.settings.background = background;
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImU32 accent = ImGui::GetColorU32(kAccent);
+    return std::ranges::count(pageWindow().DrawList->VtxBuffer, accent, &ImDrawVert::col);
+  };
+  CHECK(lit(glm::vec3(0.5f)) > 0);
+  CHECK(lit(glm::vec3(0.0f)) == lit(glm::vec3(0.5f)));
+  CHECK(lit(glm::vec3(1.0f)) == lit(glm::vec3(0.5f)));
 }
