@@ -101,7 +101,7 @@ void hiddenMenu(ViewerState& state) {
 
 bool isFading() {
   const float ratio = ImGui::GetCurrentContext()->DimBgRatio;
-  return ratio > 0 && ratio < 1;
+  return (ratio > 0 && ratio < 1) || hintIsDue();
 }
 
 bool closeInnermostList() {

@@ -36,7 +36,7 @@ PointerTaken editInput(ViewerState& state);
 // Whether a list or the colour picker is open: Esc is theirs then.
 bool popupIsOpen();
 
-// Whether what lies behind a dialog is still getting darker or brighter.
+// Whether what lies behind a dialog is still getting darker or brighter, or a hint is to come.
 bool isFading();
 
 // Whether Esc went down. Later versions of Dear ImGui tell of each press of a frame in a frame of its own.

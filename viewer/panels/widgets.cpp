@@ -13,7 +13,8 @@
 namespace tg {
 namespace {
 
-constexpr float kHintFonts = 40;  // [font heights] of a line, at most
+constexpr float kHintFonts = 40;    // [font heights] of a line, at most
+constexpr float kHintDelay = 0.4f;  // [s] so that none covers what a click on the way has brought
 
 }  // namespace
 
@@ -22,8 +23,13 @@ void heading(const char* text) {
   ImGui::TextDisabled("%s", text);
 }
 
+bool hintIsDue() {
+  const ImGuiContext& context = *ImGui::GetCurrentContext();
+  return context.HoveredId != 0 && context.HoveredIdTimer < kHintDelay;
+}
+
 void hint(const char* text) {
-  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) return;
+  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) || hintIsDue()) return;
   ImGui::BeginTooltip();
   const float room = ImGui::GetIO().DisplaySize.x - 2 * ImGui::GetStyle().WindowPadding.x;
   ImGui::PushTextWrapPos(std::min(kHintFonts * ImGui::GetFontSize(), room));

@@ -24,9 +24,11 @@ void pushNoTabStop();
 void popNoTabStop();
 
 void heading(const char* text);
-// The tooltip of the widget before.
+// The tooltip of the widget before, once the pointer has been over it for a while.
 void hint(const char* text);
-// The same of a field with a file's name: where that file is, below other words.
+// The pointer is over a widget, and has not been for that long.
+bool hintIsDue();
+// The same as a hint of a field with a file's name: where that file is, below other words.
 void fileHint(const std::filesystem::path& file, const std::string& words = "");
 // One of `count` buttons that share a row, the active one coloured. True when clicked.
 bool segment(const char* label, bool active, int index, int count);

@@ -392,6 +392,10 @@ TEST_CASE("a hint that is longer than the window is wide stays inside, as does a
   REQUIRE(welcome);
   const ImVec2 row(welcome->Pos.x + welcome->Size.x / 2, welcome->Pos.y + welcome->Size.y - 14);
   for (int i = 0; i < 3; ++i) (void)interface.hovered(state, row);
+  CHECK_FALSE(ImGui::FindWindowByName("##Tooltip_00"));  // not at once
+  CHECK(isFading());
+  for (int i = 0; i < 50; ++i) (void)interface.hovered(state, row);  // of 0.01 s
+  CHECK_FALSE(isFading());
   const ImGuiWindow* hint = ImGui::FindWindowByName("##Tooltip_00");
   REQUIRE(hint);
   CHECK(hint->Pos.x >= 0);
