@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
+#include <new>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -448,16 +450,19 @@ int train(const TrainFlags& options, Processes* together) {
     try {
       if (!trainer.step(&stop_requested)) continue;
     } catch (const std::exception& error) {
-      const bool before_textures = trainer.stage() == Stage::textured && trainer.progress().iteration == 0;
-      if (run || !(storing || before_textures)) throw;
-      const auto* named = dynamic_cast<const Error*>(&error);
-      const Error why = named ? *named : Error(ErrorKind::cannotWrite, options.output, error.what());
       // The file cannot be written, which its trial says before the end, or textures have no room.
+      const auto* named = dynamic_cast<const Error*>(&error);
+      const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
+      if (run || !(storing || named || no_memory)) throw;
+      std::optional<TrainResult> kept = storing ? trainer.result() : trainer.takePlain();
+      if (!kept) throw;
+      const Error why = named       ? *named
+                        : no_memory ? Error(ErrorKind::device, "out of memory")
+                                    : Error(ErrorKind::cannotWrite, options.output, error.what());
       line.finish();
       json_options.total_seconds = seconds();
-      TrainResult result = trainer.result();
       throw keepModel(options.output,
-                      makeTrainedBundle(dataset, settings, result.report, std::move(result.model), json_options), why);
+                      makeTrainedBundle(dataset, settings, kept->report, std::move(kept->model), json_options), why);
     }
     if (!options.quiet) line.show(trainer.progress());
     if (run) run->afterStep(trainer);

@@ -30,12 +30,14 @@ OLDER = b"older"
 
 class Scenario:
     """A command in a folder: `inputs` are linked there first, `output` (a file or a folder) is what it makes, with
-    `again` behind it where a killed one has been at work. `parts`: the output is files that come one by one."""
+    `again` behind it where a killed one has been at work. `parts`: the output is files that come one by one. `early`:
+    arguments in another's place, by which the output is what a failure may keep half-way."""
 
     def __init__(self, name, command, output, inputs=(), kinds=(*CODES, "kill"), older=True, window=False, again=(),
-                 parts=False):
+                 parts=False, early=None):
         self.name, self.command, self.output, self.again, self.parts = name, command, output, again, parts
         self.inputs, self.kinds, self.older, self.window = inputs, kinds, older, window
+        self.early = early or {}
 
 
 def scenarios(model, scene, script):
@@ -49,7 +51,7 @@ def scenarios(model, scene, script):
         Scenario("edit", [*convert, "model.tgz", "out.glb", "--merge-pairs", "10%", "--sh-degree", "1"], "out.glb", [model]),
         Scenario("train", ["tgtrain", "scene", "-o", "out.tgz", "--iterations", "3", "--texture-iterations", "2",
                            "--gaussians", "60", "--texture-size", "2", "--threads", "2", "--device", "cpu", "--quiet",
-                           "--overwrite"], "out.tgz", [scene]),
+                           "--overwrite"], "out.tgz", [scene], early={"--texture-iterations": "0"}),
         Scenario("train in a run folder", ["tgtrain", "scene", "--run", "out/run", "-o", "out/m.tgz",
                                            "--iterations", "3", "--texture-iterations", "2", "--gaussians", "60",
                                            "--texture-size", "2", "--threads", "2", "--device", "cpu", "--quiet"],
@@ -98,9 +100,9 @@ class Runner:
     def __init__(self, options, folder, screen):
         self.options, self.folder, self.screen, self.failures, self.runs = options, folder, screen, [], 0
 
-    def run(self, scenario, kind, k, again=False):
+    def run(self, scenario, kind, k, again=False, early=False):
         """The finished process, the folder's files, and what failed or how many calls of the kind there were. `again`:
-        where the run before has left off."""
+        where the run before has left off. `early`: with the scenario's other arguments."""
         work = self.folder / "work"
         if not again:
             shutil.rmtree(work, ignore_errors=True)
@@ -112,6 +114,9 @@ class Runner:
         count = self.folder / "count"
         count.unlink(missing_ok=True)
         command = [str(self.options.bin / scenario.command[0]), *scenario.command[1:], *(scenario.again if again else ())]
+        if early:
+            flags = [None, *command]
+            command = [scenario.early.get(flag, argument) for flag, argument in zip(flags, command)]
         environment = os.environ | {"LD_PRELOAD": str(self.options.injector), "TG_FAULT": f"{kind}:{k}:{count}",
                                     "HOME": str(self.folder), "XDG_STATE_HOME": str(self.folder / "state"),
                                     "XDG_CACHE_HOME": str(self.folder / "cache"), "TMPDIR": str(self.folder / "tmp")}
@@ -151,13 +156,18 @@ class Runner:
         kept = re.search(r"\(the model is kept as (\S+)\)$", said)
         if kept:  # after training: whole, under a name that was free
             model = files.pop(kept[1], None)
-            if kept[1] in before or model not in wanted.values():
+            if kept[1] in before or model not in (*wanted.values(), *self.early_models(scenario)):
                 return f"{kept[1]} is no model: {said}"
         if scenario.older:
             differing = sorted(name for name in before.keys() | files.keys() if before.get(name) != files.get(name))
             return f"half-written: {differing}: {said}" if differing and files != wanted else None
         parts = [name for name in files if name not in wanted and name not in before]
         return f"left behind: {parts}" if parts else None
+
+    def early_models(self, scenario):
+        if not scenario.early:
+            return []
+        return [self.run(scenario, "memory", 0, early=True)[1].get(scenario.output)]
 
     def judge_killed(self, scenario, done, files, before, wanted):
         if done.returncode != -signal.SIGKILL:

@@ -157,14 +157,17 @@ TEST_CASE("what cannot be written as it was asked for after training is kept as 
   CHECK_THAT(large.output, Contains("tgtrain: large.sog: Gaussian 0 has too large a texture for SOG"));
   CHECK(tgeval(folder, "large.sog.tgz scene").code == 0);
   // Textures that no file holds.
-  const Outcome many = tgtrain(folder,
-                               "scene --start random --init-count 17000 --densification none --iterations 1 "
-                               "--texture-iterations 1 --texture-size 256 -o many.tgz");
+  const std::string random =
+      "scene --start random --init-count 17000 --densification none --iterations 1 --texture-intersection plane ";
+  const Outcome many = tgtrain(folder, random + "--texture-iterations 1 --texture-size 256 -o many.tgz");
   INFO(many.output);
   CHECK(many.code == 1);
   CHECK_THAT(many.output, Contains("too many texels (expected at most 1073741824, found 1114112000)") &&
                               Contains("the model is kept as many-2.tgz"));
-  CHECK(tgeval(folder, "many-2.tgz scene").code == 0);
+  CHECK(tgtrain(folder, random + "--texture-iterations 0 -o plain.tgz").code == 0);
+  const tg::Bundle left = tg::readBundle(folder / "many-2.tgz");
+  CHECK(left.model == tg::readBundle(folder / "plain.tgz").model);
+  CHECK_THAT(left.training_json, Contains("\"plain\": {") && !Contains("\"textured\": {"));
   const Outcome nowhere = run(folder, "TMPDIR=/nonexistent '" TG_TGTRAIN "' " + coarse + " -o small.sog");
   INFO(nowhere.output);
   CHECK(nowhere.code == 4);

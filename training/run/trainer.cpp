@@ -72,6 +72,12 @@ void requireSharing(bool shared, bool shares) {
               "textures that Gaussians share are trained by one process (expected tgtrain without mpirun)");
 }
 
+std::vector<glm::vec3> constantColors(const GaussianModel& model) {
+  std::vector<glm::vec3> colors(model.size());
+  for (std::size_t i = 0; i < colors.size(); ++i) colors[i] = model.sh[i * model.shCount()];
+  return colors;
+}
+
 double decibels(double mean_squared_error) { return -10 * std::log10(std::max(mean_squared_error, 1e-12)); }
 
 }  // namespace
@@ -241,6 +247,11 @@ void Trainer::begin(Stage stage, GaussianModel first) {
     if (textures_given) {
       state_.training.model = std::move(first);
       resetMoments(state_.training);
+    } else {
+      Plain& plain = plain_.emplace();
+      plain.intersection = state_.training.model.intersection;
+      plain.min_sigma = state_.min_sigma;
+      if (settings_.texture_init == TextureInit::paper) plain.constant_color = constantColors(state_.training.model);
     }
     growShDegree(state_.training, settings_.sh_degree);
     if (settings_.compare_untextured) state_.untextured_start = state_.training.model;
@@ -581,6 +592,7 @@ void Trainer::iterate() {
   input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
   input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;
   engine_->step(state_, input);
+  plain_.reset();
   if (first_stage) densifyAndSchedule(iteration);
   const int left = iterationsOf(state_.stage) - iteration;
   if (iteration % kFilterEvery == 0 && left >= kFilterEvery) updateFilter();
@@ -709,17 +721,20 @@ bool Trainer::end(const std::atomic<bool>* stop) {
   return true;
 }
 
-GaussianModel Trainer::model() const {
-  pull();
-  GaussianModel drawn = state_.training.model;
-  setShDegree(drawn, std::max(drawn.sh_degree, settings_.sh_degree));
+GaussianModel Trainer::asDrawn(GaussianModel model) const {
+  setShDegree(model, std::max(model.sh_degree, settings_.sh_degree));
   if (!state_.min_sigma.empty()) {
     EffectiveParameters effective;
-    applyFilter(drawn, state_.min_sigma, effective);
-    drawn.log_scale = std::move(effective.log_scale);
-    drawn.opacity_logit = std::move(effective.opacity_logit);
+    applyFilter(model, state_.min_sigma, effective);
+    model.log_scale = std::move(effective.log_scale);
+    model.opacity_logit = std::move(effective.opacity_logit);
   }
-  return drawn;
+  return model;
+}
+
+GaussianModel Trainer::model() const {
+  pull();
+  return asDrawn(state_.training.model);
 }
 
 Image Trainer::picture(const Camera& camera) const {
@@ -752,6 +767,29 @@ TrainResult Trainer::result() const {
   } else {
     result.model = model();
   }
+  return result;
+}
+
+// Without a pull: the stage began with one, and a device that has no room may have done half of a step. An engine that
+// keeps no copy here leaves nothing.
+std::optional<TrainResult> Trainer::takePlain() {
+  GaussianModel& model = state_.training.model;
+  if (!plain_ || model.size() == 0) return std::nullopt;
+  state_.training.moments = {};
+  state_.untextured_start = {};
+  model.atlas = {};
+  model.texture_mode = TextureMode::none;
+  model.outside = TextureOutside::base;
+  model.intersection = plain_->intersection;
+  for (std::size_t i = 0; i < plain_->constant_color.size(); ++i) {
+    model.sh[i * model.shCount()] = plain_->constant_color[i];
+  }
+  state_.min_sigma = std::move(plain_->min_sigma);
+  plain_.reset();
+  TrainResult result;
+  result.report = state_.report;
+  result.report.interrupted = true;
+  result.model = asDrawn(std::move(model));
   return result;
 }
 

@@ -87,6 +87,9 @@ class Trainer {
   std::optional<Score> testScore(const std::atomic<bool>* stop = nullptr) const;
   // What stands, finished or not.
   TrainResult result() const;
+  // What stage plain ended with, where step() threw before the first step with textures was done, for want of room,
+  // say: as if that stage had not begun. None elsewhere. The trainer is of no use afterwards.
+  std::optional<TrainResult> takePlain();
 
  private:
   // first: where stage plain starts; empty: at the data set's points.
@@ -94,6 +97,8 @@ class Trainer {
   bool end(const std::atomic<bool>* stop);
   void iterate();
   void densifyAndSchedule(int iteration);
+  // A state's model as model() gives it back.
+  GaussianModel asDrawn(GaussianModel model) const;
   // Adds the losses that are known, or waits for all.
   void takeLosses(bool wait) const;
   // What the engine did, in state_.
@@ -128,6 +133,13 @@ class Trainer {
   double texelsEach() const;  // of a Gaussian, in stage 2 before it is cut
   RunPlan plan() const;
 
+  // What stage textured changes of the plain model that it starts from.
+  struct Plain {
+    IntersectionModel intersection = IntersectionModel::maxResponse;
+    std::vector<float> min_sigma;
+    std::vector<glm::vec3> constant_color;  // [N] where the first texels are taken off it; else empty
+  };
+
   const Dataset& dataset_;
   const TrainSettings settings_;
   const Schedule schedule_;
@@ -138,6 +150,7 @@ class Trainer {
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
   mutable RunState state_;
   mutable int known_losses_ = 0;  // of the stage's iterations
+  std::optional<Plain> plain_;    // until the first step with textures
   const std::size_t test_views_;
   TimeLeft time_left_;
   std::function<void(std::size_t, std::size_t)> scoring_;

@@ -6,12 +6,15 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <memory>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <thread>
 
 #include "core/merge/decimate.h"
 #include "core/model/texture_dictionary.h"
+#include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "render/contribution.h"
@@ -811,6 +814,60 @@ TEST_CASE("a stop request ends after the current step with a valid model", "[tra
     CHECK(result.model.sh_degree == 3);
     CHECK((result.model.texture_mode == tg::TextureMode::rgba) == (stop_at == 70));
   }
+}
+
+namespace {
+
+// Has no room for textures.
+class PlainRenderer final : public tg::DifferentiableRenderer {
+ public:
+  using DifferentiableRenderer::forward;
+  void setModel(const tg::GaussianModel& model) override {
+    if (tg::isTextured(model)) throw std::bad_alloc();
+    renderer_->setModel(model);
+  }
+  const std::vector<glm::vec3>& forward(const tg::Camera& camera, const tg::RenderSettings& settings) override {
+    return renderer_->forward(camera, settings);
+  }
+  void backward(std::span<const glm::vec3> v_color, tg::ModelGradient& gradient,
+                const tg::GradientOptions& options) override {
+    renderer_->backward(v_color, gradient, options);
+  }
+  std::span<const tg::PhaseTime> phaseTimes() const override { return renderer_->phaseTimes(); }
+  std::string deviceName() const override { return renderer_->deviceName(); }
+
+ private:
+  const std::unique_ptr<tg::DifferentiableRenderer> renderer_ = tg::makeCpuDifferentiableRenderer();
+};
+
+}  // namespace
+
+TEST_CASE("where the first step with textures fails the plain model is left as it was trained", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  PlainRenderer renderer;
+  tg::TrainSettings settings = shortRun();
+  SECTION("with another intersection") { settings.texture_intersection = tg::TextureIntersection::plane; }
+  SECTION("with the paper's first texels") { settings.texture_init = tg::TextureInit::paper; }
+  SECTION("through the 3D filter") { settings.filter_3d = true; }
+  SECTION("beside a twin and with clipped textures") {
+    settings.compare_untextured = true;
+    settings.texture_outside = tg::TextureOutside::clip;
+  }
+  tg::Trainer trainer(dataset, settings, renderer);
+  CHECK_FALSE(trainer.takePlain());
+  while (trainer.progress().iteration < settings.iterations) trainer.step();
+  CHECK_THROWS_AS(trainer.step(), std::bad_alloc);
+  const std::optional<tg::TrainResult> left = trainer.takePlain();
+  REQUIRE(left);
+  settings.texture_iterations = 0;
+  settings.compare_untextured = false;
+  const tg::TrainResult plain = tg::train(dataset, settings, renderer);
+  CHECK(left->model == plain.model);
+  CHECK(left->report.interrupted);
+  CHECK_FALSE(left->report.textured);
+  CHECK(left->report.plain.iterations == settings.iterations);
+  CHECK(left->report.plain.loss == plain.report.plain.loss);
+  CHECK_FALSE(trainer.takePlain());
 }
 
 TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {
