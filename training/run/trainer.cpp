@@ -555,7 +555,8 @@ void Trainer::iterate() {
   rates.log_scale = settings_.rate_scale;
   rates.opacity_logit = settings_.rate_opacity;
   rates.sh = {settings_.rate_sh_dc, settings_.rate_sh_rest};
-  const float texels_end = settings_.rate_texels_end >= 0 ? settings_.rate_texels_end : settings_.rate_texels;
+  const bool own_end = settings_.rate_texels > 0 && settings_.rate_texels_end >= 0;
+  const float texels_end = own_end ? settings_.rate_texels_end : settings_.rate_texels;
   rates.texels =
       static_cast<float>(decayedRate(settings_.rate_texels, texels_end, iteration, iterationsOf(state_.stage)));
   rates.texel_decay = settings_.texel_decay;

@@ -81,9 +81,10 @@ void moveTexels(const TexelStep& step, std::int64_t begin, std::int64_t end) {
 }  // namespace
 
 double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations) {
+  if (first == 0) return 0;
   const double progress =
       iterations > 0 ? std::clamp(static_cast<double>(iteration) / static_cast<double>(iterations), 0.0, 1.0) : 1.0;
-  if (!(first > 0 && last > 0)) return std::lerp(first, last, progress);
+  if (!(last > 0)) return std::lerp(first, last, progress);
   return std::exp(std::lerp(std::log(first), std::log(last), progress));
 }
 

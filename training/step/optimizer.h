@@ -45,7 +45,8 @@ struct LearningRates {
   float texel_decay = 0;  // of the texels' rate a step, towards colour 0 and alpha 1
 };
 
-// Log-linear from `first` to `last` over `iterations`; both above 0, or else linear.
+// Log-linear from `first` to `last` over `iterations`, linear to a `last` of 0. Of a `first` of 0, what is to stay as
+// it is, 0 throughout.
 double decayedRate(double first, double last, std::int64_t iteration, std::int64_t iterations);
 
 // Of step `step`, counted from 1.

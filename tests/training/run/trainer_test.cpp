@@ -754,6 +754,8 @@ TEST_CASE("stage 2 has rates of its own, and MCMC's noise does not follow this t
   tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
   SECTION("of positions") {
     CHECK(tg::train(dataset, settings, *renderer).model.mean == start.mean);
+    settings.rate_position_end = 1e-3f;  // which a rate of 0 does not rise to
+    CHECK(tg::train(dataset, settings, *renderer).model.mean == start.mean);
     settings.rate_position_texture = 1e-4f;
     CHECK(tg::train(dataset, settings, *renderer).model.mean != start.mean);
   }
@@ -764,6 +766,8 @@ TEST_CASE("stage 2 has rates of its own, and MCMC's noise does not follow this t
     };
     CHECK_FALSE(changed(tg::train(dataset, settings, *renderer).model));
     settings.rate_texels_end = 1e-3f;
+    CHECK_FALSE(changed(tg::train(dataset, settings, *renderer).model));
+    settings.rate_texels = 1e-3f;
     CHECK(changed(tg::train(dataset, settings, *renderer).model));
   }
   SECTION("of noise") {

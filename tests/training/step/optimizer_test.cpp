@@ -198,6 +198,8 @@ TEST_CASE("position rates fall log-linearly from 1.6e-4 to 1.6e-6 of the extent"
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 500, 1000) == Approx(3.2e-5));
   CHECK(2 * tg::decayedRate(1.6e-4, 1.6e-6, 1000, 1000) == Approx(3.2e-6));
   CHECK(tg::decayedRate(1.6e-4, 1.6e-6, 1500, 1000) == Approx(1.6e-6));
+  CHECK(tg::decayedRate(1.6e-4, 0, 500, 1000) == Approx(0.8e-4));
+  for (const int iteration : {0, 500, 1000}) CHECK(tg::decayedRate(0, 1.6e-6, iteration, 1000) == 0);
 }
 
 TEST_CASE("a Gaussian's moments are forgotten, both of them and no others", "[optimizer]") {
