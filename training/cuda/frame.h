@@ -15,7 +15,7 @@
 
 namespace tg::cuda {
 
-// Throws Error(usage) as a renderer does, and for pictures of more than kMaxTiles tiles.
+// Throws Error(usage) as a renderer does, and for pictures of more than 65535 pixels a side.
 View makeView(const GaussianModel& model, const Camera& camera, const RenderSettings& settings);
 
 template <typename>
