@@ -17,10 +17,10 @@
 #include "core/model/wide_splats.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
-#include "render/contribution.h"
 #include "training/run/init.h"
 #include "training/score/evaluate.h"
 #include "training/step/textures.h"
+#include "training/step/update.h"
 
 namespace tg {
 namespace {
@@ -141,6 +141,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
       extent_(sceneExtent(dataset, settings.extent_distances)),
       seen_views_(viewsForAll(dataset.points.position, trainingViews(dataset), kSeenViews)),
       filter_cameras_(filterCameras(dataset)),
+      renderer_(renderer),
       engine_(renderer.makeTrainingEngine(settings.ssim_weight)),
       state_(std::move(state)),
       known_losses_(state_.iteration),
@@ -296,9 +297,11 @@ void Trainer::begin(Stage stage, GaussianModel first) {
   beginTimes();
 }
 
-// Of the state's model, from an even choice of the training views.
-std::vector<double> Trainer::seenWeights() const {
-  return blendWeights(state_.training.model, evenly(trainingViews(dataset_), seen_views_));
+// Of the state's model as steps draw it, from an even choice of the training views.
+std::vector<double> Trainer::seenWeights() {
+  EffectiveParameters effective;
+  const DrawnModel drawn(state_.training.model, effective, state_.min_sigma);
+  return renderer_.seenWeights(state_.training.model, evenly(trainingViews(dataset_), seen_views_));
 }
 
 // The new texels' moments start at zero, and all others with them: their first steps are larger, to settle into.

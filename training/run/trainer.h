@@ -104,7 +104,7 @@ class Trainer {
   // What the engine did, in state_.
   void pull() const;
   void updateFilter();
-  std::vector<double> seenWeights() const;
+  std::vector<double> seenWeights();
   void keepMostSeen(std::size_t count);
   // What is wide for its distance in pieces, as far as the limit leaves room.
   void splitWideOnes();
@@ -146,6 +146,7 @@ class Trainer {
   const double extent_;
   const std::size_t seen_views_;  // that say what a Gaussian is worth
   const std::vector<Pinhole> filter_cameras_;
+  DifferentiableRenderer& renderer_;
   const std::unique_ptr<TrainingEngine> engine_;
   // Parameters, moments and statistics may be ahead in the engine: pull() before they are looked at or changed.
   mutable RunState state_;

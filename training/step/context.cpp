@@ -20,6 +20,31 @@ class ContextRenderer final : public DifferentiableRenderer {
 
   using DifferentiableRenderer::forward;
   void setModel(const GaussianModel& model) override {
+    join(model);
+    renderer_->setModel(joined_);
+  }
+  std::vector<double> seenWeights(const GaussianModel& model, std::span<const Camera> views) override {
+    join(model);
+    std::vector<double> weights = renderer_->seenWeights(joined_, views);
+    weights.resize(count_);
+    return weights;
+  }
+  const std::vector<glm::vec3>& forward(const Camera& camera, const RenderSettings& settings) override {
+    return renderer_->forward(camera, settings);
+  }
+  void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient, const GradientOptions& options) override {
+    renderer_->backward(v_color, gradient, options);
+    const std::size_t k = joined_.shCount();
+    forEachField([&](const Field& field, auto& values) { values.resize(count_ * field.values(k)); }, gradient);
+    for (auto* values : {&gradient.screen_gradient, &gradient.screen_gradient_abs, &gradient.screen_radius}) {
+      values->resize(count_);
+    }
+  }
+  std::span<const PhaseTime> phaseTimes() const override { return renderer_->phaseTimes(); }
+  std::string deviceName() const override { return renderer_->deviceName(); }
+
+ private:
+  void join(const GaussianModel& model) {
     if (fitted_.sh_degree != model.sh_degree) {
       fitted_ = context_;
       setShDegree(fitted_, model.sh_degree);
@@ -38,23 +63,8 @@ class ContextRenderer final : public DifferentiableRenderer {
     joined_.atlas.texels.assign(model.atlas.texels.begin(), model.atlas.texels.end());
     joined_.atlas.rects.assign(model.atlas.rects.begin(), model.atlas.rects.end());
     if (!model.atlas.rects.empty()) joined_.atlas.rects.resize(joined_.size());
-    renderer_->setModel(joined_);
   }
-  const std::vector<glm::vec3>& forward(const Camera& camera, const RenderSettings& settings) override {
-    return renderer_->forward(camera, settings);
-  }
-  void backward(std::span<const glm::vec3> v_color, ModelGradient& gradient, const GradientOptions& options) override {
-    renderer_->backward(v_color, gradient, options);
-    const std::size_t k = joined_.shCount();
-    forEachField([&](const Field& field, auto& values) { values.resize(count_ * field.values(k)); }, gradient);
-    for (auto* values : {&gradient.screen_gradient, &gradient.screen_gradient_abs, &gradient.screen_radius}) {
-      values->resize(count_);
-    }
-  }
-  std::span<const PhaseTime> phaseTimes() const override { return renderer_->phaseTimes(); }
-  std::string deviceName() const override { return renderer_->deviceName(); }
 
- private:
   const std::unique_ptr<DifferentiableRenderer> renderer_;
   const GaussianModel context_;
   GaussianModel fitted_;  // the context with as many SH as the model has

@@ -8,8 +8,9 @@
 
 namespace tg {
 
-// A renderer of every model together with `context`, which has no textures; gradients are of the model alone. The
-// context has the model's SH degree, cut or with zeros, and its intersection. A training step copies the model once.
+// A renderer of every model together with `context`, which has no textures; gradients and weights are of the model
+// alone, with the context in front of it and behind. The context has the model's SH degree, cut or with zeros, and its
+// intersection. A training step copies the model once.
 std::unique_ptr<DifferentiableRenderer> withContext(std::unique_ptr<DifferentiableRenderer> renderer,
                                                     GaussianModel context);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "render/contribution.h"
 #include "training/step/update.h"
 
 namespace tg {
@@ -67,6 +68,10 @@ class HostTrainingEngine final : public TrainingEngine {
 
 std::unique_ptr<TrainingEngine> makeHostTrainingEngine(DifferentiableRenderer& renderer, float ssim_weight) {
   return std::make_unique<HostTrainingEngine>(renderer, ssim_weight);
+}
+
+std::vector<double> DifferentiableRenderer::seenWeights(const GaussianModel& model, std::span<const Camera> views) {
+  return blendWeights(model, views);
 }
 
 std::unique_ptr<TrainingEngine> DifferentiableRenderer::makeTrainingEngine(float ssim_weight) {

@@ -60,6 +60,9 @@ class DifferentiableRenderer {
                         const GradientOptions& options = {}) = 0;
   // Of the last forward() and backward(), in order of execution.
   virtual std::span<const PhaseTime> phaseTimes() const = 0;
+  // blendWeights() of the model (render/contribution.h), in pictures as they are drawn here. Before the next forward()
+  // a model is set again.
+  virtual std::vector<double> seenWeights(const GaussianModel& model, std::span<const Camera> views);
   // What it runs on, as training.json names it.
   virtual std::string deviceName() const = 0;
   // What a trainer steps with, by default on the host through forward() and backward(). The renderer must outlive it.

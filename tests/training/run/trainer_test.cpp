@@ -29,6 +29,8 @@
 #include "training/sample_dataset.h"
 #include "training/score/evaluate.h"
 #include "training/settings/schedule.h"
+#include "training/step/context.h"
+#include "training/step/filter_3d.h"
 #include "training/step/optimizer.h"
 #include "training/step/textures.h"
 
@@ -658,6 +660,48 @@ TEST_CASE("more Gaussians than the limit grow, and pairs are merged down to it",
   const tg::GaussianModel merging = tg::train(dataset, settings, *renderer).model;
   settings.limit_by = tg::LimitBy::swap;
   tg::test::checkSame(merging, tg::train(dataset, settings, *renderer).model);
+}
+
+TEST_CASE("what the training views show is asked of pictures as steps draw them", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const std::vector<tg::Camera> views = tg::trainingViews(dataset);
+  tg::GaussianModel start = tg::gaussiansFromPoints(dataset.points);
+  for (std::size_t i = 0; i < start.size(); i += 2) start.log_scale[i] -= 2.0f;  // thinner than a pixel
+  auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.limit_by = tg::LimitBy::room;
+  settings.gaussians = start.size() * 2 / 3;
+  tg::GaussianModel shown = start;
+  std::vector<double> weights;
+  SECTION("through the 3D filter") {
+    settings.filter_3d = true;
+    tg::EffectiveParameters effective;
+    tg::applyFilter(start, tg::minSigmas(tg::filterCameras(dataset), start), effective);
+    shown.log_scale = effective.log_scale;
+    shown.opacity_logit = effective.opacity_logit;
+    weights = tg::blendWeights(shown, views);
+  }
+  SECTION("behind a context") {
+    std::vector<std::uint32_t> half(start.size() / 2);
+    std::iota(half.begin(), half.end(), 0u);
+    tg::GaussianModel context = tg::select(start, half);
+    for (float& logit : context.opacity_logit) logit = 4;
+    renderer = tg::withContext(std::move(renderer), context);
+    tg::append(shown, context);
+    weights = tg::blendWeights(shown, views);
+    weights.resize(start.size());
+  }
+  const auto mostSeen = [&](const std::vector<double>& by) {
+    std::vector<std::uint32_t> order(start.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::ranges::stable_sort(order, [&](std::uint32_t a, std::uint32_t b) { return by[a] > by[b]; });
+    order.resize(settings.gaussians);
+    std::ranges::sort(order);
+    return tg::select(start, order).mean;
+  };
+  const tg::Trainer trainer(dataset, settings, *renderer, start);
+  CHECK(trainer.model().mean == mostSeen(weights));
+  CHECK(mostSeen(weights) != mostSeen(tg::blendWeights(start, views)));
 }
 
 TEST_CASE("under a limit no place goes that few views show", "[trainer]") {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/model/verbs.h"
+#include "render/contribution.h"
 #include "support/catch.h"
 #include "support/scenes.h"
 
@@ -44,6 +45,12 @@ TEST_CASE("a picture with a context is that of both models, and so is the gradie
     CHECK(own_gradient.texels == all.texels);
     CHECK(own_gradient.screen_radius.size() == own);
   }
+
+  const std::span<const tg::Camera> views(&scene.camera, 1);
+  std::vector<double> weights = tg::blendWeights(both, views);
+  weights.resize(own);
+  CHECK(surrounded->seenWeights(model, views) == weights);
+  CHECK(plain->seenWeights(model, views) != weights);  // what the context hides
 
   // Fewer SH of the model cut those of the context, and more bring them back.
   tg::GaussianModel low = model, low_both = both;
