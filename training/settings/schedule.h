@@ -42,7 +42,8 @@ inline std::size_t grownLimit(std::size_t limit, std::uint64_t training_pixels) 
   return std::max<std::uint64_t>(limit, std::min({kMergedFrom * limit, training_pixels / kGrownPixels, kMostGrown}));
 }
 
-// Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion.
+// Where settings leave it open (-1): 3DGS's numbers from 4,000 iterations on; below, events move closer in proportion,
+// but rounds of densification stay as far apart: each looks at views, which short runs have no time for.
 // ADC ends at half time, MCMC after five sixths (Kheradmand et al.: 25,000 of 30,000). An opacity reset costs about a
 // thousand iterations of quality: only ADC runs of 6,202 and more have any, and none after the last round or in the
 // last third, which could not make up for it.

@@ -36,6 +36,23 @@ TEST_CASE("short schedules keep the shape of long ones") {
   CHECK(schedule(1).raisesShDegree(1));
 }
 
+TEST_CASE("the shortest runs that densify are as long as the manual says") {
+  const auto densifies = [](tg::Densification densification, int iterations) {
+    tg::TrainSettings settings;
+    settings.densification = densification;
+    settings.iterations = iterations;
+    const tg::Schedule schedule = tg::makeSchedule(settings);
+    for (int i = 1; i <= iterations; ++i) {
+      if (schedule.densifies(i)) return true;
+    }
+    return false;
+  };
+  CHECK_FALSE(densifies(tg::Densification::adc, 201));
+  CHECK(densifies(tg::Densification::adc, 202));
+  CHECK_FALSE(densifies(tg::Densification::mcmc, 120));
+  CHECK(densifies(tg::Densification::mcmc, 121));
+}
+
 TEST_CASE("pairs are merged after the last round and before the end") {
   CHECK(tg::makeSchedule(tg::presetSettings("default")).merge_after == 4200);
   CHECK(tg::makeSchedule(tg::presetSettings("quick")).merge_after == 420);
