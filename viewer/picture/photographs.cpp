@@ -23,6 +23,16 @@ bool hasPart(const std::filesystem::path& path, const char* part) {
   return std::find(path.begin(), path.end(), part) != path.end();
 }
 
+// masks/, masks_4/ and the like, as the readers of data sets name them.
+bool isAmongMasks(const std::filesystem::path& path) {
+  const std::filesystem::path place = path.parent_path();
+  return std::any_of(place.begin(), place.end(), [](const std::filesystem::path& part) {
+    const std::string name = part.string();
+    return name == "masks" ||
+           (name.starts_with("masks_") && name.find_first_not_of("0123456789", 6) == std::string::npos);
+  });
+}
+
 // images/, images_4/ and the like.
 bool isNamedForPhotographs(const std::filesystem::path& path) {
   return std::any_of(path.begin(), path.end(), [&](const std::filesystem::path& part) {
@@ -43,7 +53,9 @@ Photographs::Photographs(std::filesystem::path folder) : folder_(std::move(folde
     if (at.depth() >= kMaxPhotographFolders) at.disable_recursion_pending();
     std::error_code ignored;
     if (!at->is_regular_file(ignored) || !isPhotograph(at->path())) continue;
-    by_stem_[at->path().stem().string()].push_back(at->path().lexically_relative(folder_));
+    const fs::path below = at->path().lexically_relative(folder_);
+    if (isAmongMasks(below)) continue;
+    by_stem_[below.stem().string()].push_back(below);
     ++count_;
   }
   if (count_ == 0) {
@@ -56,13 +68,18 @@ Photographs::Photographs(std::filesystem::path folder) : folder_(std::move(folde
 }
 
 std::filesystem::path Photographs::find(const Camera& camera) const {
-  const std::filesystem::path name(camera.name);
+  const std::filesystem::path name = std::filesystem::path(camera.name).lexically_normal();
+  std::filesystem::path bare = name;
   auto found = by_stem_.find(name.filename().string());  // a name without extension may hold a dot
-  if (found == by_stem_.end()) found = by_stem_.find(name.stem().string());
+  if (found == by_stem_.end()) found = by_stem_.find(bare.replace_extension().filename().string());
   if (found == by_stem_.end()) return {};
+  const auto liesLikeNamed = [&](std::filesystem::path path) {
+    return ("/" + path.replace_extension().generic_string()).ends_with("/" + bare.generic_string());
+  };
   // A rendering is a .png, most often, whatever the photograph was, and lies in a folder that is called otherwise.
   const auto likeness = [&](const std::filesystem::path& path) {
-    return std::tuple(hasPart(path, camera.test ? "test" : "train"), path.filename() == name.filename(),
+    return std::tuple(hasPart(path, camera.test ? "test" : "train"), liesLikeNamed(path),
+                      path.filename() == name.filename(),
                       path == name || path.lexically_relative(*path.begin()) == name, isNamedForPhotographs(path));
   };
   // Of those that are equally alike the least deep.

@@ -14,15 +14,16 @@ namespace tg {
 // test/ of the synthetic scenes.
 class Photographs {
  public:
-  // Looks for .png, .jpg and .jpeg, at most kMaxPhotographFolders folders deep. Throws Error(cannotRead) when there is
-  // no such folder or no photograph in it.
+  // Looks for .png, .jpg and .jpeg, at most kMaxPhotographFolders folders deep, but not in masks/, masks_4/ and the
+  // like below the folder. Throws Error(cannotRead) when there is no such folder or no photograph in it.
   explicit Photographs(std::filesystem::path folder);
 
   const std::filesystem::path& folder() const { return folder_; }
   std::size_t size() const { return count_; }
   // The file of a camera's name, with or without folder and extension; empty: none. Of several that are called alike
-  // (images/ and images_4/, train/ and test/, renderings): the one whose folder says the camera's split, then with the
-  // camera's extension, in its folder, in a folder called images..., then the one least deep and first by name.
+  // (images/ and images_4/, train/ and test/, renderings): the one whose folder says the camera's split, then below the
+  // folders of the camera's name, with its extension, in its folder, in a folder called images..., then the one least
+  // deep and first by name.
   std::filesystem::path find(const Camera& camera) const;
 
  private:

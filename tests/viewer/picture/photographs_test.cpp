@@ -10,16 +10,29 @@
 
 using namespace tg;
 
+namespace {
+
+void touch(const std::filesystem::path& file) {
+  std::filesystem::create_directories(file.parent_path());
+  std::ofstream(file) << "x";
+}
+
+// The photograph of a camera, below the folder.
+std::filesystem::path foundIn(const TemporaryFolder& folder, const std::string& name, bool test = false) {
+  Camera camera;
+  camera.name = name;
+  camera.test = test;
+  return Photographs(folder.path).find(camera).lexically_relative(folder.path);
+}
+
+}  // namespace
+
 TEST_CASE("photographs are found by the names of cameras, in the folders of the usual data sets") {
   const TemporaryFolder folder;
-  const auto touch = [&](const std::string& name) {
-    std::filesystem::create_directories((folder / name).parent_path());
-    std::ofstream(folder / name) << "x";
-  };
   for (const char* name : {"images/0001.jpg", "images_4/0001.jpg", "images/frame.02.PNG", "train/r_0.png",
                            "test/r_0.png", "sparse/0/points.bin", "notes.txt", "0001.png", "eval/frame.02.png",
                            "eval/r_0.png", "r_0.png", "images/b.png", "a/b.png"}) {
-    touch(name);
+    touch(folder / name);
   }
   std::filesystem::create_directory(folder / "views");
   std::filesystem::create_directory_symlink(folder.path, folder / "views/all");  // one that leads to itself, too
@@ -27,12 +40,7 @@ TEST_CASE("photographs are found by the names of cameras, in the folders of the 
   std::filesystem::remove_all(folder / "views");
   const Photographs photographs(folder.path);
   CHECK(photographs.size() == 11);
-  Camera camera;
-  const auto found = [&](const std::string& name, bool test) {
-    camera.name = name;
-    camera.test = test;
-    return photographs.find(camera).lexically_relative(folder.path);
-  };
+  const auto found = [&](const std::string& name, bool test) { return foundIn(folder, name, test); };
   CHECK(found("0001.jpg", false) == "images/0001.jpg");
   CHECK(found("images_4/0001.jpg", false) == "images_4/0001.jpg");
   CHECK(found("0001", false) == "images/0001.jpg");
@@ -41,8 +49,33 @@ TEST_CASE("photographs are found by the names of cameras, in the folders of the 
   CHECK(found("frame.02", false) == "images/frame.02.PNG");
   CHECK(found("r_0", false) == "train/r_0.png");
   CHECK(found("r_0.png", true) == "test/r_0.png");
-  camera.name = "other.png";
-  CHECK(photographs.find(camera).empty());
+  CHECK(found("other.png", false).empty());
   CHECK_THROWS_AS(Photographs(folder / "sparse"), Error);
   CHECK_THROWS_AS(Photographs(folder / "no such folder"), Error);
+}
+
+TEST_CASE("masks are no photographs though they are named for them") {
+  const TemporaryFolder folder;
+  for (const char* name :
+       {"images/a.jpg", "masks/a.jpg.png", "masks_2/a.jpg.png", "cam/masks/b.jpg.png", "masks_of/c.png"}) {
+    touch(folder / name);
+  }
+  CHECK(Photographs(folder.path).size() == 2);
+  CHECK(foundIn(folder, "a.jpg") == "images/a.jpg");
+  CHECK(foundIn(folder, "b.jpg").empty());
+  CHECK(foundIn(folder, "c.png") == "masks_of/c.png");
+  CHECK(Photographs(folder / "masks").size() == 1);
+}
+
+TEST_CASE("a photograph in the folder of its camera goes before one with its extension") {
+  const TemporaryFolder folder;
+  for (const char* name : {"images/cam0/a.png", "images/cam1/a.png", "set/images/cam0/b.jpg", "set/images/cam1/b.png",
+                           "set/images/xcam1/b.png", "images/cam0/frame.1.png", "images/cam1/frame.1.png"}) {
+    touch(folder / name);
+  }
+  CHECK(foundIn(folder, "cam0/a.jpg") == "images/cam0/a.png");
+  CHECK(foundIn(folder, "cam1/a.jpg") == "images/cam1/a.png");
+  CHECK(foundIn(folder, "cam1/a") == "images/cam1/a.png");
+  CHECK(foundIn(folder, "./cam1/b.jpg") == "set/images/cam1/b.png");
+  CHECK(foundIn(folder, "cam1/frame.1") == "images/cam1/frame.1.png");
 }
