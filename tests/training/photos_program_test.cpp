@@ -292,6 +292,31 @@ TEST_CASE("cameras of before do not stand beside photographs of now", "[photos]"
   CHECK_FALSE(tg::hasCameras(trial / "model.photos"));
 }
 
+TEST_CASE("a command that cannot begin leaves the cameras that are there", "[photos]") {
+  const Trial trial;
+  REQUIRE(trial.photos("photos -o model.tgz" + kShort).code == 0);
+  trial.calls();
+  trial.script("python3", "exit 1");
+  std::ofstream(trial / "film.mp4") << "no film";
+  fs::create_directory(trial / "without ffmpeg");
+  fs::copy(trial / "bin/colmap", trial / "without ffmpeg/colmap");
+  const auto refused = [&](const std::string& arguments, int code, const std::string& path = "$PWD/bin:$PATH") {
+    const Outcome outcome = trial.photos(arguments + " -o model.tgz" + kShort, path);
+    INFO(outcome.output);
+    CHECK(outcome.code == code);
+    CHECK(tg::hasCameras(trial / "model.photos"));
+  };
+  refused("photos --cameras-by pycolmap", 5);
+  refused("photos --matching spatial", 1);
+  refused("photos --matching spatial --lens OPENCV", 1);
+  const Outcome again = trial.photos("photos -o model.tgz" + kShort);
+  INFO(again.output);
+  CHECK(again.code == 0);
+  CHECK(trial.calls().empty());
+  refused("film.mp4 --work model.photos", 3);
+  refused("film.mp4 --work model.photos", 5, "$PWD/without ffmpeg:/nowhere");
+}
+
 TEST_CASE("a film gives its sharpest frames", "[photos]") {
   Trial trial;
   constexpr std::size_t kSide = 720;

@@ -48,12 +48,14 @@ class Job {
     std::error_code ignored;
     const bool film = !fs::is_directory(options_.input, ignored);
     fs::create_directories(work_ / "logs", ignored);
-    // A machine that cannot go on says so before it reads a film.
-    if (!ledger_.isDone(PhotoStage::photographs, made_of)) findSolverOnce();
     stage(PhotoStage::photographs, made_of, [&](bool) { return prepare(); });
     photographs_ = preparedFromJson(ledger_.result(PhotoStage::photographs));
     listener_.say(std::to_string(photographs_.size()) + (film ? " frames" : " photographs") + " of " +
                   std::to_string(cameras().size()) + (cameras().size() == 1 ? " camera" : " cameras"));
+    std::vector<std::optional<Place>> places;
+    for (const Prepared& photograph : photographs_) places.push_back(photograph.place);
+    const Matching matching = chosenMatching(options_.matching, film, places);
+    if (matching == Matching::spatial) checkPlaces();
     const std::string lens(name(options_.lens));
     const std::string with = std::string(name(options_.solver)) + ", ";
     // Databases go from one COLMAP to another in one direction at most.
@@ -63,11 +65,8 @@ class Job {
       ledger_.begin(PhotoStage::features, "");
     }
     stage(PhotoStage::features, with + "lens " + lens, [&](bool) { return features(); });
-    std::vector<std::optional<Place>> places;
-    for (const Prepared& photograph : photographs_) places.push_back(photograph.place);
-    const Matching matching = chosenMatching(options_.matching, film, places);
     stage(PhotoStage::matches, with + std::string(name(matching)),
-          [&](bool goes_on) { return matches(goes_on, matching, places); });
+          [&](bool goes_on) { return matches(goes_on, matching); });
     const std::string made = with + std::string(name(options_.mapper)) + " mapper";
     if (ledger_.isDone(PhotoStage::cameras, made) && !isFile(work_ / "sparse/0/images.bin")) {
       ledger_.begin(PhotoStage::cameras, "");
@@ -90,8 +89,8 @@ class Job {
         stage == PhotoStage::photographs ? fs::is_directory(images(), ignored) : isFile(files().database);
     if (there && ledger_.isDone(stage, made_of)) return listener_.say(title + ": done before");
     const bool goes_on = there && ledger_.isBegun(stage, made_of);
-    // Cameras of before are not of what comes now, and with them the folder would count as a data set.
-    for (const char* cameras : {"sparse", "sparse.part"}) fs::remove_all(work_ / cameras, ignored);
+    findSolverOnce();  // a machine that cannot go on says so before it reads a film or forgets what is done
+    if (stage != PhotoStage::photographs) forgetCameras();
     if (!goes_on) ledger_.begin(stage, made_of);
     const auto start = std::chrono::steady_clock::now();
     const auto [told, result] = work(goes_on);
@@ -101,12 +100,26 @@ class Job {
   }
   using Outcome = std::pair<std::string, std::string>;  // what to say, what to keep
 
+  // Those of before are not of what comes now, and with them the folder would count as a data set.
+  void forgetCameras() const {
+    std::error_code ignored;
+    for (const char* cameras : {"sparse", "sparse.part"}) fs::remove_all(work_ / cameras, ignored);
+  }
+
+  void checkPlaces() const {
+    const auto nowhere = std::ranges::find_if(photographs_, [](const Prepared& p) { return !p.place; });
+    if (nowhere == photographs_.end()) return;
+    throw Error(ErrorKind::usage, nowhere->source,
+                "does not say where it was taken, as --matching spatial expects of all");
+  }
+
   Outcome prepare() {
     const fs::path part = work_ / "images.part", masks = work_ / "masks.part";
     makeEmpty(part);
     makeEmpty(masks);
     const std::vector<Prepared> prepared =
         prepareImages(options_, part, masks, work_ / "logs/photographs.txt", listener_, stop_);
+    forgetCameras();  // only now: with their own photographs they are still a data set
     giveName(part, images());
     giveName(masks, work_ / "masks");
     if (std::error_code ignored; fs::is_empty(work_ / "masks", ignored)) fs::remove(work_ / "masks", ignored);
@@ -186,7 +199,7 @@ class Job {
         solverName()};
   }
 
-  Outcome matches(bool goes_on, Matching matching, const std::vector<std::optional<Place>>& places) {
+  Outcome matches(bool goes_on, Matching matching) {
     const Solver& solver = findSolverOnce();
     if (!goes_on && !forgetMatches(files().database)) {
       throw Error(ErrorKind::badData, files().database.string(), "no database of COLMAP (remove it to start anew)");
@@ -206,15 +219,9 @@ class Job {
             "were taken and all pairs would take long (--matching exhaustive)");
       }
     } else {
-      std::vector<Place> known;
-      for (std::size_t i = 0; i < places.size(); ++i) {
-        if (!places[i]) {
-          throw Error(ErrorKind::usage, photographs_[i].source,
-                      "does not say where it was taken, as --matching spatial expects of all");
-        }
-        known.push_back(*places[i]);
-      }
-      pairs = spatialPairs(known);
+      std::vector<Place> places;
+      for (const Prepared& photograph : photographs_) places.push_back(photograph.place.value());
+      pairs = spatialPairs(places);
     }
     for (std::size_t begin = 0; begin < pairs.size(); begin += kPairsAtOnce) {
       listener_.progress("matching pairs", begin, pairs.size());
