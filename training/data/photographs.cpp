@@ -26,10 +26,13 @@ std::uint8_t quantize(float value) { return static_cast<std::uint8_t>(std::clamp
 
 std::string sizeText(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
-// Whether the mask shows the same picture, at the same size or larger: rows may be off by one pixel of the image.
+// Whether the mask shows the same picture, at the same size or larger: the shorter side, which says less exactly how
+// much larger, may be off by one pixel of the image.
 bool maskFits(const Image& mask, int width, int height) {
-  const double scale = static_cast<double>(mask.width) / width;
-  return mask.width >= width && mask.height >= height && std::abs(mask.height - scale * height) <= scale;
+  if (mask.width < width || mask.height < height) return false;
+  const bool wide = width >= height;
+  const double scale = wide ? double(mask.width) / width : double(mask.height) / height;
+  return std::abs(wide ? mask.height - scale * height : mask.width - scale * width) <= scale;
 }
 
 // First and last + 1 of the mask's pixels that a box of the image's covers along one side.

@@ -219,6 +219,24 @@ TEST_CASE("a mask hides where it is zero, a downscaled pixel counts when its who
   }
 }
 
+TEST_CASE("a mask fits what its photograph was reduced to whichever side is longer", "[photographs]") {
+  const tg::TemporaryFolder folder;
+  const auto fits = [&](int width, int height, int mask_width, int mask_height) {
+    tg::writeImage(folder / "a.png", tg::Image(width, height, 3, 0.5f));
+    tg::writeImage(folder / "mask.png", tg::Image(mask_width, mask_height, 1, 1.0f));
+    try {
+      return tg::decodePhotograph({folder / "a.png", folder / "mask.png", 1, glm::vec3(0.0f)}).pixels.width == width;
+    } catch (const tg::Error&) {
+      return false;
+    }
+  };
+  // The shorter side was rounded from 6.5.
+  CHECK(fits(7, 24, 13, 48));
+  CHECK(fits(24, 7, 48, 13));
+  CHECK_FALSE(fits(7, 24, 11, 48));
+  CHECK_FALSE(fits(24, 7, 48, 11));
+}
+
 TEST_CASE("training gives the same model whether photographs are kept or streamed", "[photographs]") {
   const tg::TemporaryFolder folder;
   tg::writeSample(folder / "scene", {.size = 24, .train_views = 6, .test_views = 1, .points = 80, .supersampling = 1},
