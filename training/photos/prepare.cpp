@@ -89,11 +89,14 @@ Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_si
   return prepared;
 }
 
+// However a folder is spelled.
+fs::path placeOf(const fs::path& folder) { return fs::absolute(folder / "").lexically_normal().parent_path(); }
+
 // The mask of a photograph by their names: in a folder masks anywhere along the photograph's path, where it may stand
 // in the place of one called images, also if the input itself is called so. Empty: none.
 fs::path maskOf(const fs::path& input, const fs::path& photograph) {
   std::vector<fs::path> names;
-  const fs::path place = fs::absolute(input / "").lexically_normal().parent_path();
+  const fs::path place = placeOf(input);
   if (place.filename() == "images") names.push_back(place.parent_path() / "masks" / photograph);
   fs::path above = input;
   for (auto part = photograph.begin(); part != photograph.end(); above /= *part++) {
@@ -301,7 +304,8 @@ std::string madeOf(const PhotosOptions& options) {
   for (const fs::path& photograph : list.photographs) {
     text += photograph.string() + " " + identity(input / photograph) + "\n";
     if (const fs::path mask = maskOf(input, photograph); !mask.empty()) {
-      text += mask.string() + " " + identity(mask) + "\n";
+      const fs::path name = fs::absolute(mask).lexically_normal().lexically_relative(placeOf(input));
+      text += name.string() + " " + identity(mask) + "\n";
     }
   }
   return text;

@@ -418,6 +418,25 @@ TEST_CASE("masks go with their photographs and are turned with them", "[photos]"
   CHECK_THAT(prepared(folder, "in/images").second, Contains("3 of 4 photographs have a mask"));
 }
 
+TEST_CASE("photographs and masks are the same however their folder is spelled", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* below : {"in/images", "in/masks"}) fs::create_directories(folder / below);
+  for (const char* name : {"a.png", "b.png", "c.png"}) tg::writeImage(folder / "in/images" / name, picture());
+  tg::writeImage(folder / "in/masks/a.png", tg::Image(40, 30, 1, 1.0f));
+  const auto madeOf = [](const fs::path& input) {
+    tg::PhotosOptions options;
+    options.input = input;
+    return tg::madeOf(options);
+  };
+  for (const char* input : {"in", "in/images"}) {
+    const std::string made = madeOf(folder / input);
+    CHECK_THAT(made, Contains("masks/a.png ") && !Contains(folder.path.string()));
+    CHECK(madeOf(folder / "in/.." / input) == made);
+    CHECK(madeOf(folder / input / "") == made);
+    CHECK(madeOf(fs::relative(folder / input)) == made);
+  }
+}
+
 TEST_CASE("links to folders are followed once and never in circles", "[photos]") {
   const tg::TemporaryFolder folder;
   for (const char* name : {"in/sub/a.jpg", "more/b.jpg", "more/deep/c.jpg"}) {
