@@ -92,6 +92,11 @@ Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_si
 // However a folder is spelled.
 fs::path placeOf(const fs::path& folder) { return fs::absolute(folder / "").lexically_normal().parent_path(); }
 
+// Of a file in the folder, or beside it.
+std::string nameFrom(const fs::path& folder, const fs::path& file) {
+  return fs::absolute(file).lexically_normal().lexically_relative(placeOf(folder)).string();
+}
+
 // The mask of a photograph by their names: in a folder masks anywhere along the photograph's path, where it may stand
 // in the place of one called images, also if the input itself is called so. Empty: none.
 fs::path maskOf(const fs::path& input, const fs::path& photograph) {
@@ -114,23 +119,70 @@ fs::path maskOf(const fs::path& input, const fs::path& photograph) {
   return {};
 }
 
-// The mask of an upright photograph of width x height pixels: as it is where it has that shape, else turned with the
-// photograph. Training takes masks that are larger than what a photograph was reduced to.
-void keepMask(const fs::path& mask, int orientation, int width, int height, const fs::path& kept) {
-  Image image = readImage(mask);
-  const bool swaps = orientation >= 5;
-  const bool as_stored = image.width == (swaps ? height : width) && image.height == (swaps ? width : height);
-  if (!as_stored && (image.width != width || image.height != height)) {
-    throw Error(ErrorKind::badData, mask.string(),
+// A mask, and its photograph as EXIF turns it.
+struct FoundMask {
+  fs::path file;
+  int orientation = 1;  // of the photograph as it is stored
+  int width = 0;        // of the upright photograph
+  int height = 0;
+  fs::path kept;
+
+  bool mayBeTurned() const { return orientation > 1; }
+  // Whether a mask that lies as the photograph is stored has another shape than an upright one.
+  bool showsHowItLies() const { return orientation >= 5 && width != height; }
+};
+
+// The mask of the upright photograph: as it is where it has that shape, else turned with the photograph; where both
+// have one shape `turns` decides. Training takes masks that are larger than what a photograph was reduced to. Returns
+// whether it was upright.
+bool keepMask(const FoundMask& mask, bool turns) {
+  Image image = readImage(mask.file);
+  const auto hasSize = [&](int width, int height) { return image.width == width && image.height == height; };
+  const bool upright = hasSize(mask.width, mask.height);
+  const bool swaps = mask.orientation >= 5;
+  if (!upright && !(swaps && hasSize(mask.height, mask.width))) {
+    throw Error(ErrorKind::badData, mask.file.string(),
                 "is of another size than its photograph" +
-                    expectedFound(std::to_string(width) + " x " + std::to_string(height),
+                    expectedFound(std::to_string(mask.width) + " x " + std::to_string(mask.height),
                                   std::to_string(image.width) + " x " + std::to_string(image.height)));
   }
-  if (as_stored && orientation > 1) {
-    writeImage(kept, turned(std::move(image), orientation));
-  } else {
-    copyFileAtomically(mask, kept);
+  if (mask.mayBeTurned() && (mask.showsHowItLies() ? !upright : turns)) {
+    writeImage(mask.kept, turned(std::move(image), mask.orientation));
+    return false;
   }
+  copyFileAtomically(mask.file, mask.kept);
+  return true;
+}
+
+// Keeps those that it can, and tells of the others. Masks of one folder were made in one way: those whose shape shows
+// nothing lie as the others do. Returns how many were kept.
+std::size_t keepMasks(std::vector<FoundMask> masks, const fs::path& input, const PhotosListener& listener,
+                      const std::atomic<int>& stop) {
+  const auto unclear = std::stable_partition(
+      masks.begin(), masks.end(), [](const FoundMask& mask) { return !mask.mayBeTurned() || mask.showsHowItLies(); });
+  std::size_t kept = 0;
+  bool some_upright = false, some_turned = false;
+  std::vector<std::string> guessed;
+  for (auto mask = masks.begin(); mask != masks.end(); ++mask) {
+    if (stop != 0) throw Stopped();
+    try {
+      const bool upright = keepMask(*mask, !some_upright);
+      ++kept;
+      if (mask >= unclear) {
+        guessed.push_back(nameFrom(input, mask->file));
+      } else if (mask->mayBeTurned()) {
+        (upright ? some_upright : some_turned) = true;
+      }
+    } catch (const Error& error) {
+      if (error.kind == ErrorKind::cannotWrite) throw;
+      listener.warn(std::string(error.what()) + ": left out");
+    }
+  }
+  if (!guessed.empty() && !some_upright && !some_turned) {
+    listener.warn(input.string() + ": turned as EXIF turns their photographs, though nothing shows whether they are " +
+                  "upright already, masks: " + someOf(guessed) + " (if they are, save these photographs upright, too)");
+  }
+  return kept;
 }
 
 std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path& folder, const fs::path& masks,
@@ -150,7 +202,7 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
   std::vector<Prepared> prepared;
   std::set<fs::path> without_photograph;
   for (const fs::path& mask : list.masks) without_photograph.insert(options.input / mask);
-  std::size_t masked = 0;
+  std::vector<FoundMask> found;
   int largest = 0;  // [px] of the longer sides
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (stop != 0) throw Stopped();
@@ -166,14 +218,13 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
       prepared.push_back(keep(source, std::move(photograph), options.longest_side, folder, names[i]));
       prepared.back().source = list.photographs[i].string();
       if (mask.empty()) continue;
-      keepMask(mask, orientation, width, height, masks / (prepared.back().name + ".png"));
-      ++masked;
+      found.push_back({mask, orientation, width, height, masks / (prepared.back().name + ".png")});
     } catch (const Error& error) {
       if (error.kind == ErrorKind::cannotWrite) throw;
       listener.warn(std::string(error.what()) + ": left out");
     }
   }
-  if (masked > 0) {
+  if (const std::size_t masked = keepMasks(std::move(found), options.input, listener, stop); masked > 0) {
     listener.say(std::to_string(masked) + " of " + std::to_string(prepared.size()) + " photographs have a mask");
   }
   if (!without_photograph.empty()) {
@@ -304,8 +355,7 @@ std::string madeOf(const PhotosOptions& options) {
   for (const fs::path& photograph : list.photographs) {
     text += photograph.string() + " " + identity(input / photograph) + "\n";
     if (const fs::path mask = maskOf(input, photograph); !mask.empty()) {
-      const fs::path name = fs::absolute(mask).lexically_normal().lexically_relative(placeOf(input));
-      text += name.string() + " " + identity(mask) + "\n";
+      text += nameFrom(input, mask) + " " + identity(mask) + "\n";
     }
   }
   return text;

@@ -418,6 +418,36 @@ TEST_CASE("masks go with their photographs and are turned with them", "[photos]"
   CHECK_THAT(prepared(folder, "in/images").second, Contains("3 of 4 photographs have a mask"));
 }
 
+TEST_CASE("masks whose shape does not show how they lie do so as the others", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* below : {"in", "in/masks"}) fs::create_directories(folder / below);
+  const auto add = [&](const std::string& name, std::uint32_t orientation, int mask_width, int mask_height) {
+    writeJpegWithExif(folder / "in" / (name + ".jpg"), exifBlock({{0x112, 3, orientation}}, {}));
+    tg::Image mask(mask_width, mask_height, 1);
+    mask.at(0, 0, 0) = 1;
+    tg::writeImage(folder / "in/masks" / (name + ".png"), mask);
+  };
+  const auto kept = [&](const std::string& name, int x, int y) {
+    return tg::readImage(folder / "masks" / (name + ".jpg.png")).at(x, y, 0) == 1;
+  };
+  add("a", 3, 40, 30);
+  add("b", 2, 40, 30);
+  add("c", 1, 40, 30);
+  const std::string warning = "nothing shows whether they are upright already, masks: masks/a.png, masks/b.png (";
+  CHECK_THAT(prepared(folder).second, Contains(warning) && Contains("3 of 3 photographs have a mask"));
+  CHECK((kept("a", 39, 29) && kept("b", 39, 0) && kept("c", 0, 0)));
+  fs::create_directory(folder / "set");
+  fs::copy(folder / "in/masks", folder / "set/masks");
+  fs::copy(folder / "in", folder / "set/images");
+  CHECK_THAT(prepared(folder, "set/images").second, Contains("masks: ../masks/a.png, ../masks/b.png ("));
+  add("d", 6, 40, 30);
+  CHECK_THAT(prepared(folder).second, !Contains("nothing shows"));
+  CHECK((kept("a", 39, 29) && kept("b", 39, 0) && kept("d", 29, 0)));
+  add("d", 6, 30, 40);
+  CHECK_THAT(prepared(folder).second, !Contains("nothing shows"));
+  CHECK((kept("a", 0, 0) && kept("b", 0, 0) && kept("d", 0, 0)));
+}
+
 TEST_CASE("photographs and masks are the same however their folder is spelled", "[photos]") {
   const tg::TemporaryFolder folder;
   for (const char* below : {"in/images", "in/masks"}) fs::create_directories(folder / below);
