@@ -28,7 +28,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxFiles = 100'000;
 constexpr std::size_t kLongestName = 80;
 
 bool isHidden(const fs::path& path) {
@@ -102,10 +101,21 @@ bool isWithin(const fs::path& inner, const fs::path& outer) {
   return std::ranges::mismatch(outer, inner).in1 == outer.end();
 }
 
-// What lies in `walked`, by its names below `folder`. Links to folders are left to the caller.
-std::vector<fs::path> addFiles(const fs::path& walked, const fs::path& folder, std::size_t& files,
-                               PhotographList& list) {
-  std::vector<fs::path> links;
+// What lies in a folder.
+struct Walk {
+  PhotographList list;  // not sorted
+  std::size_t files = 0;
+  std::set<fs::path> folders;   // walked through, as fs::canonical() has them
+  std::vector<fs::path> links;  // to folders, sorted; none is followed
+};
+
+// Through `walked`, which lies at `place`, but for folders that were `entered` before. Names are those below `folder`.
+// Ends after `most_files` and one more.
+Walk walkThrough(const fs::path& walked, const fs::path& place, const fs::path& folder,
+                 const std::set<fs::path>& entered, std::size_t most_files) {
+  Walk walk;
+  walk.folders.insert(place);
+  PhotographList& list = walk.list;
   std::error_code error;
   fs::recursive_directory_iterator entries(walked, error), end;
   for (; !error && entries != end; entries.increment(error)) {
@@ -120,15 +130,21 @@ std::vector<fs::path> addFiles(const fs::path& walked, const fs::path& folder, s
       entries.disable_recursion_pending();
       continue;
     }
-    if (entries->is_directory(ignored) && entries->is_symlink(ignored)) links.push_back(path);
-    if (!entries->is_regular_file(ignored)) continue;
-    if (++files > kMaxFiles) {
-      throw Error(ErrorKind::badData, folder.string(), "too many files" + atMost(kMaxFiles, files));
+    if (entries->is_directory(ignored)) {
+      if (entries->is_symlink(ignored)) {
+        walk.links.push_back(path);
+      } else if (const fs::path at = place / path.lexically_relative(walked); entered.contains(at)) {
+        entries.disable_recursion_pending();
+      } else {
+        walk.folders.insert(at);
+      }
     }
+    if (!entries->is_regular_file(ignored)) continue;
+    if (++walk.files > most_files) return walk;
     const fs::path below = path.lexically_relative(folder);
     if (pictureFormat(path) != PictureFormat::none) {
-      const fs::path place = below.parent_path();
-      const bool is_mask = std::find(place.begin(), place.end(), "masks") != place.end();
+      const fs::path parent = below.parent_path();
+      const bool is_mask = std::find(parent.begin(), parent.end(), "masks") != parent.end();
       (is_mask ? list.masks : list.photographs).push_back(below);
     } else if (isUnreadName(path)) {
       list.unread.push_back(below.string());
@@ -139,30 +155,50 @@ std::vector<fs::path> addFiles(const fs::path& walked, const fs::path& folder, s
     }
   }
   if (error) throw Error(ErrorKind::cannotRead, walked.string(), "cannot list: " + error.message());
-  return links;
+  std::ranges::sort(walk.links);
+  return walk;
+}
+
+template <typename T>
+void append(std::vector<T>& all, const std::vector<T>& more) {
+  all.insert(all.end(), more.begin(), more.end());
 }
 
 }  // namespace
 
-PhotographList findPhotographs(const fs::path& folder) {
+PhotographList findPhotographs(const fs::path& folder, std::size_t most_files) {
   PhotographList list;
   std::size_t files = 0;
-  // Folders to walk through, and the places where they are: the folder itself, then those that links lead to, which may
-  // not be looked into twice, nor in circles.
-  std::vector<fs::path> walks = {folder}, places;
-  for (std::size_t walk = 0; walk < walks.size(); ++walk) {
-    std::error_code unknown;
-    const fs::path place = fs::canonical(walks[walk], unknown);
-    const auto overlaps = [&](const fs::path& other) { return isWithin(place, other) || isWithin(other, place); };
-    if (walk > 0 && std::ranges::any_of(places, overlaps)) {
-      list.ignored.push_back(walks[walk].lexically_relative(folder).string() +
-                             " (a link to or above what is looked into anyway)");
+  // The folder itself, then where links lead. No folder is walked through twice, and none in circles.
+  std::vector<fs::path> walks = {folder};
+  std::set<fs::path> entered;
+  std::error_code unknown;
+  const fs::path input = fs::canonical(folder, unknown);
+  for (std::size_t i = 0; i < walks.size(); ++i) {
+    const bool is_link = i > 0;
+    const fs::path place = fs::canonical(walks[i], unknown);
+    const auto leaveOut = [&](const std::string& why) {
+      list.ignored.push_back(walks[i].lexically_relative(folder).string() + " (" + why + ")");
+    };
+    if (is_link && (entered.contains(place) || isWithin(input, place))) {
+      leaveOut("a link to or above what is looked into anyway");
       continue;
     }
-    places.push_back(place);
-    std::vector<fs::path> links = addFiles(walks[walk], folder, files, list);
-    std::ranges::sort(links);
-    walks.insert(walks.end(), links.begin(), links.end());
+    Walk walk = walkThrough(walks[i], place, folder, entered, most_files - files);
+    if (files + walk.files > most_files) {
+      const std::string many = "too many files" + atMost(most_files, files + walk.files);
+      if (!is_link) throw Error(ErrorKind::badData, folder.string(), many);
+      leaveOut("a link that leads to " + many);
+      continue;
+    }
+    files += walk.files;
+    entered.merge(walk.folders);
+    append(walks, walk.links);
+    append(list.photographs, walk.list.photographs);
+    append(list.masks, walk.list.masks);
+    append(list.unread, walk.list.unread);
+    append(list.films, walk.list.films);
+    append(list.ignored, walk.list.ignored);
   }
   std::ranges::sort(list.photographs);
   std::ranges::sort(list.masks);

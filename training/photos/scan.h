@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which files of a folder are photographs, told by their first bytes.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -26,8 +27,9 @@ struct PhotographList {
 };
 
 // Of a folder and those in it, also by links to folders, but for hidden ones, __MACOSX and work folders of tgtrain
-// photos. Throws Error(cannotRead) for a folder that cannot be listed.
-PhotographList findPhotographs(const std::filesystem::path& folder);
+// photos. A link that leads above the folder, or to more files than there may be in all, is ignored. Throws
+// Error(cannotRead) for a folder that cannot be listed, Error(badData) for one of more than `most_files`.
+PhotographList findPhotographs(const std::filesystem::path& folder, std::size_t most_files = 100'000);
 
 // A photograph, and the first one that has the same bytes.
 struct PhotographCopy {

@@ -485,6 +485,39 @@ TEST_CASE("links to folders are followed once and never in circles", "[photos]")
         std::vector<std::string>{"link again" + why, "link/deep/back" + why, "own" + why, "sub/up" + why});
 }
 
+TEST_CASE("a link to a folder around another that is linked gives what else is in it", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* name : {"in/a.jpg", "trip/b.jpg", "trip/best/c.jpg", "trip/other/d.jpg"}) {
+    fs::create_directories((folder / name).parent_path());
+    tg::writeImage(folder / name, picture());
+  }
+  fs::create_directory_symlink("../trip/best", folder / "in/best");
+  fs::create_directory_symlink("../trip", folder / "in/trip");
+  fs::create_directory_symlink("../trip/other", folder / "in/within");
+  fs::create_directory_symlink("../..", folder / "trip/other/up");
+  const tg::PhotographList list = tg::findPhotographs(folder / "in");
+  CHECK(list.photographs == std::vector<fs::path>{"a.jpg", "best/c.jpg", "trip/b.jpg", "trip/other/d.jpg"});
+  const std::string why = " (a link to or above what is looked into anyway)";
+  CHECK(list.ignored == std::vector<std::string>{"trip/other/up" + why, "within" + why});
+}
+
+TEST_CASE("a link to too many files is left out and a folder with them is an error", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (const char* name : {"in/a.jpg", "in/b.jpg", "many/c.jpg", "many/d.jpg", "many/e.jpg", "more/f.jpg"}) {
+    fs::create_directories((folder / name).parent_path());
+    tg::writeImage(folder / name, picture());
+  }
+  fs::create_directory_symlink("../many", folder / "in/many");
+  fs::create_directory_symlink("../more", folder / "in/more");
+  const tg::PhotographList list = tg::findPhotographs(folder / "in", 4);
+  CHECK(list.photographs == std::vector<fs::path>{"a.jpg", "b.jpg", "more/f.jpg"});
+  CHECK(list.ignored ==
+        std::vector<std::string>{"many (a link that leads to too many files (expected at most 4, found 5))"});
+  CHECK(tg::findPhotographs(folder / "in", 6).photographs.size() == 6);
+  CHECK_THROWS_WITH(tg::findPhotographs(folder / "in", 1),
+                    Contains("in: too many files (expected at most 1, found 2)"));
+}
+
 TEST_CASE("a photograph of another's bytes is its copy, one of its size alone is not", "[photos]") {
   const tg::TemporaryFolder folder;
   const auto put = [&](const std::string& name, const std::string& text) { std::ofstream(folder / name) << text; };
