@@ -65,6 +65,25 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             check("iteration 0" in texts and len(texts) >= 4, texts)
             until("how much of the run is done", lambda: "\u00a0% of the run's time" in browser.evaluate(
                 "document.getElementById('stage-line').textContent"))
+            # Labels stand inside of the picture, however long, also where the axis ends with one.
+            outside = browser.evaluate("""(() => {
+              const box = document.body.appendChild(document.createElement('div'));
+              box.className = 'chart';
+              box.style.width = '340px';
+              const chart = new Chart(box), beyond = [];
+              const curves = [[1234210, 1234219, 1e6], [0.0312, 0.0388, 7000], [25.12, 25.1205, 30000]];
+              for (const [low, high, last] of curves) {
+                chart.set([{color: 'red', values: [[0, low], [last, high]]}], []);
+                const frame = box.firstElementChild.getBoundingClientRect();
+                for (const text of box.querySelectorAll('text')) {
+                  const {left, right, width} = text.getBoundingClientRect();
+                  if (!(left >= frame.left && right <= frame.right && width > 0)) beyond.push(text.textContent);
+                }
+              }
+              box.remove();
+              return beyond;
+            })()""")
+            check(not outside, f"labels beyond the picture: {outside}")
             text = browser.evaluate("document.getElementById('run').innerText")
             check("scene" in text and "dB" in text and "it/s" in text, text)
             # The view stays where a hand has put it while models come.

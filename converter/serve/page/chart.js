@@ -2,7 +2,8 @@
 // Curves over the iterations of a run, as SVG.
 
 const SVG = 'http://www.w3.org/2000/svg';
-const CHART_HEIGHT = 130, MARGIN = {left: 44, right: 10, top: 6, bottom: 18};  // [px]
+const CHART_HEIGHT = 130, MARGIN = {left: 44, right: 10, top: 6, bottom: 18};  // [px]; left: at least
+const LABEL_GAP = 6;     // [px] beside the labels of the vertical axis
 const LEAST_SURE = 5;    // steps of at most half of what is divided: a step is at most 2.5 times what was asked for
 const LABEL_DIGITS = 9;  // at most
 
@@ -69,22 +70,24 @@ class Chart {
     const room = 0.06 * (high - low) || Math.max(Math.abs(high), 1e-6) * 0.1;
     [low, high] = [low - room, high + room];
     const last = Math.max(...all.map(([x]) => x), 1);
-    const inside = {width: width - MARGIN.left - MARGIN.right, height: CHART_HEIGHT - MARGIN.top - MARGIN.bottom};
-    this.x = (value) => MARGIN.left + value / last * inside.width;
+    const label = (attributes, text) => this.root.appendChild(svg('text', {...attributes, fill: '#a4a6ad'}, text));
+    const heights = ticks(low, high, 3);
+    const levels = labelsOf(heights).map((text) => label({'text-anchor': 'end'}, text));
+    const left = Math.max(MARGIN.left, ...levels.map((text) => text.getComputedTextLength() + 2 * LABEL_GAP));
+    const inside = {width: width - left - MARGIN.right, height: CHART_HEIGHT - MARGIN.top - MARGIN.bottom};
+    this.x = (value) => left + value / last * inside.width;
     this.y = (value) => MARGIN.top + (high - Math.min(Math.max(value, low), high)) / (high - low) * inside.height;
-    const bottom = MARGIN.top + inside.height, right = MARGIN.left + inside.width;
-    const heights = ticks(low, high, 3), levels = labelsOf(heights);
+    const bottom = MARGIN.top + inside.height, right = left + inside.width;
     for (const [i, value] of heights.entries()) {
-      this.root.append(
-        svg('line', {x1: MARGIN.left, x2: right, y1: this.y(value), y2: this.y(value), stroke: '#2b2d34'}),
-        svg('text', {x: MARGIN.left - 6, y: this.y(value) + 3, 'text-anchor': 'end', fill: '#a4a6ad'},
-            levels[i]));
+      this.root.append(svg('line', {x1: left, x2: right, y1: this.y(value), y2: this.y(value), stroke: '#2b2d34'}));
+      levels[i].setAttribute('x', left - LABEL_GAP);
+      levels[i].setAttribute('y', this.y(value) + 3);
     }
     const times = ticks(0, last, Math.max(inside.width / 80, 2)), words = labelsOf(times);
     words[0] = `iteration ${words[0]}`;
     for (const [i, value] of times.entries()) {
-      this.root.append(svg('text', {x: this.x(value), y: CHART_HEIGHT - 4, 'text-anchor': i === 0 ? 'start' : 'middle',
-                                    fill: '#a4a6ad'}, words[i]));
+      const text = label({y: CHART_HEIGHT - 4, 'text-anchor': i === 0 ? 'start' : 'middle'}, words[i]);
+      text.setAttribute('x', Math.min(this.x(value), width - 1 - (i === 0 ? 0 : text.getComputedTextLength() / 2)));
     }
     for (const value of this.marks) {
       this.root.append(svg('line', {x1: this.x(value), x2: this.x(value), y1: MARGIN.top, y2: bottom, stroke: '#5a5d66',
