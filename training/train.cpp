@@ -364,7 +364,8 @@ int train(const TrainFlags& options, Processes* together) {
     if (together) refuseTogether(options);
     start_bundle = checkTraining(options, together != nullptr);
     if (!options.serve.empty()) {
-      page = servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset));
+      page = servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset),
+                       {options.dataset, options.run.folder});
     }
     run = openRunFolder(options);
     checkOutputs(options, run && run->hasCheckpoint());

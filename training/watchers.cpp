@@ -64,6 +64,7 @@ void Watchers::obey(const RunOrder& order) {
   paused_ = order.command == RunCommand::pause || order.command == RunCommand::step;
   steps_left_ = order.command == RunCommand::step ? order.steps : 0;
   if (order.command == RunCommand::stop) stop_ = true;
+  if (paused_ && page_) page_->notePause();
   if (paused_ && !was && live_) {
     std::fprintf(stderr, "tgtrain: paused by %s (go in it goes on)\n", (run_->folder() / kControlName).c_str());
   }

@@ -9,10 +9,12 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
+#include <functional>
 #include <limits>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -81,6 +83,19 @@ bool sameText(const std::string& a, const std::string& b) {
   return difference == 0;
 }
 
+// Equal for equal texts; who sees the page learns no path by it.
+std::string nameFor(std::string_view text) { return formatted("%016zx", std::hash<std::string_view>{}(text)); }
+
+std::string nameFor(const std::vector<std::filesystem::path>& subject) {
+  std::string places;
+  for (const std::filesystem::path& path : subject) {
+    std::error_code ignored;
+    const std::filesystem::path absolute = std::filesystem::absolute(path, ignored);
+    places += std::filesystem::weakly_canonical(absolute, ignored).string() + '\0';
+  }
+  return nameFor(places);
+}
+
 nlohmann::ordered_json numberOrNull(const std::optional<double>& value, int decimals) {
   if (!value) return nullptr;
   return rounded(*value, decimals);
@@ -94,6 +109,7 @@ Image small(Image image) {
 // What browsers get. Never changed once it is shown.
 struct Shown {
   std::optional<RunStatus> status;
+  bool paused = false;  // at some time
   std::shared_ptr<const std::vector<RunMetrics>> lines = std::make_shared<std::vector<RunMetrics>>();
   int generation = 0;  // of the lines: raised when they are others, not only more
   std::shared_ptr<const Bytes> model;
@@ -144,9 +160,10 @@ ServeOptions parseServe(const std::string& where, const std::string& token) {
 
 class PageServer::Pages {
  public:
-  Pages(const ServeOptions& options, std::string title)
+  Pages(const ServeOptions& options, std::string title, const std::vector<std::filesystem::path>& subject)
       : options_(options),
         title_(std::move(title)),
+        subject_(nameFor(subject)),
         worker_(startWorker(work_, [this](const std::stop_token& stop) { make(stop); })),
         server_(options.host, options.port, [this](const HttpRequest& request) { return answer(request); }) {}
 
@@ -180,11 +197,15 @@ class PageServer::Pages {
 
   void show(RunStatus status) {
     change([&](Shown& shown) {
+      shown.paused = shown.paused || status.phase == RunPhase::paused;
       shown.status = std::move(status);
       if (!std::exchange(lines_wait_, false)) return;
       shown.lines = std::make_shared<const std::vector<RunMetrics>>(lines_);
       shown.generation = generation_;
     });
+  }
+  void notePause() {
+    change([](Shown& shown) { shown.paused = true; });
   }
   void clearLines() {
     lines_.clear();
@@ -318,8 +339,10 @@ class PageServer::Pages {
       rows.push_back({line.stage, line.iteration, numberOrNull(line.loss, 6), numberOrNull(line.train_psnr, 3),
                       numberOrNull(line.test_psnr, 3), line.gaussians});
     }
-    nlohmann::ordered_json json = {{"format", "tg-page"}, {"version", 1}, {"title", title_}, {"start", start_}};
+    nlohmann::ordered_json json = {{"format", "tg-page"}, {"version", 1},  {"title", title_},
+                                   {"start", start_},     {"page", page_}, {"subject", subject_}};
     json["run"] = now.status ? nlohmann::ordered_json::parse(formatStatus(*now.status)) : nullptr;
+    json["paused"] = now.paused;
     json["metrics"] = {{"generation", now.generation}, {"from", first}, {"rows", std::move(rows)}};
     json["model"] = now.model_number;
     json["held_out"] = {{"number", now.held_out_number}, {"name", now.held_out}};
@@ -329,6 +352,7 @@ class PageServer::Pages {
 
   const ServeOptions options_;
   const std::string title_;
+  const std::string subject_, page_ = nameFor(livePage());
   const std::uint32_t start_ = std::random_device{}();  // numbers begin again with the next one
   mutable std::mutex mutex_;  // guards the two below, which many threads read: no mailbox lets them
   Shown shown_;
@@ -346,8 +370,9 @@ class PageServer::Pages {
   HttpServer server_;
 };
 
-PageServer::PageServer(const ServeOptions& options, std::string title)
-    : pages_(std::make_unique<Pages>(options, std::move(title))) {}
+PageServer::PageServer(const ServeOptions& options, std::string title,
+                       const std::vector<std::filesystem::path>& subject)
+    : pages_(std::make_unique<Pages>(options, std::move(title), subject)) {}
 PageServer::~PageServer() = default;
 
 std::string PageServer::url() const { return pages_->url(); }
@@ -355,6 +380,7 @@ bool PageServer::watched() const { return pages_->watched(); }
 bool PageServer::wantsModel() const { return pages_->wantsModel(); }
 void PageServer::show(std::shared_ptr<const Bundle> model) { pages_->give({std::move(model), std::nullopt}); }
 void PageServer::show(RunStatus status) { pages_->show(std::move(status)); }
+void PageServer::notePause() { pages_->notePause(); }
 void PageServer::add(RunMetrics line) { pages_->add(std::move(line)); }
 void PageServer::show(const std::vector<RunMetrics>& lines) {
   pages_->clearLines();
@@ -363,8 +389,9 @@ void PageServer::show(const std::vector<RunMetrics>& lines) {
 void PageServer::showHeldOut(const std::string& name, Image photograph, Image picture) {
   pages_->give({nullptr, HeldOut{name, std::move(photograph), std::move(picture)}});
 }
-std::unique_ptr<PageServer> servePage(const std::string& where, const std::string& token, const std::string& title) {
-  auto page = std::make_unique<PageServer>(parseServe(where, token), title);
+std::unique_ptr<PageServer> servePage(const std::string& where, const std::string& token, const std::string& title,
+                                      const std::vector<std::filesystem::path>& subject) {
+  auto page = std::make_unique<PageServer>(parseServe(where, token), title, subject);
   std::printf("serving %s\n", page->url().c_str());
   std::fflush(stdout);
   return page;

@@ -32,8 +32,9 @@ ServeOptions parseServe(const std::string& where, const std::string& token);
 // from one thread.
 class PageServer {
  public:
-  // `title`: of the page. Throws Error(device) where it cannot listen.
-  PageServer(const ServeOptions& options, std::string title);
+  // `title`: of the page. `subject`: the files that tell what is shown from all else; a page that is open goes on in
+  // place with a program of the same ones. Throws Error(device) where it cannot listen.
+  PageServer(const ServeOptions& options, std::string title, const std::vector<std::filesystem::path>& subject = {});
   ~PageServer();
   PageServer& operator=(PageServer&&) = delete;
 
@@ -51,6 +52,8 @@ class PageServer {
   void show(const std::vector<RunMetrics>& lines);
   void add(RunMetrics line);
   void show(RunStatus status);
+  // The run's seconds hold a pause: they do not say how far it is. A status that is paused says it, too.
+  void notePause();
   // A held-out photograph and the picture of it, of one size.
   void showHeldOut(const std::string& name, Image photograph, Image picture);
 
@@ -63,6 +66,7 @@ class PageServer {
 };
 
 // The server of --serve and --serve-token; says its address on stdout. Throws what parseServe and PageServer throw.
-std::unique_ptr<PageServer> servePage(const std::string& where, const std::string& token, const std::string& title);
+std::unique_ptr<PageServer> servePage(const std::string& where, const std::string& token, const std::string& title,
+                                      const std::vector<std::filesystem::path>& subject);
 
 }  // namespace tg

@@ -86,6 +86,16 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             check(not outside, f"labels beyond the picture: {outside}")
             text = browser.evaluate("document.getElementById('run').innerText")
             check("scene" in text and "dB" in text and "it/s" in text, text)
+            # Of a run that was paused its seconds say nothing.
+            stage_line = "document.getElementById('stage-line').textContent"
+            phase = lambda: browser.evaluate("document.getElementById('phase').textContent")
+            control = pathlib.Path(folder) / "run/control"
+            control.write_text("pause\n")
+            until("a pause", lambda: phase() == "paused")
+            check("run's time" not in browser.evaluate(stage_line), browser.evaluate(stage_line))
+            control.write_text("go\n")
+            until("the end of it", lambda: phase() == "training")
+            check("run's time" not in browser.evaluate(stage_line), browser.evaluate(stage_line))
             # The view stays where a hand has put it while models come.
             browser.evaluate("tgViewer.orbit.orbit(0.3, 0.1); tgViewer.changed(); 0")
             eye = browser.evaluate("tgViewer.orbit.camera.eye.join()")
@@ -137,7 +147,6 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             until("a model that takes long", lambda: browser.evaluate("asked"))
             time.sleep(6)  # longer than a page may be silent
             (pathlib.Path(folder) / "run/control").write_text("stop\n")
-            phase = lambda: browser.evaluate("document.getElementById('phase').textContent")
             until("the end", lambda: phase() == "interrupted", 30)
             check(run.wait(30) == 130, "tgtrain's exit code")
             # A run that is resumed goes on in the page as it is.
@@ -154,9 +163,38 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             check(browser.evaluate(kept) == before, "the view or the panel was not kept")
             until("curves of before", lambda: browser.evaluate("document.querySelectorAll('#psnr circle').length > 1"))
             check(not browser.log, browser.log)
-            (pathlib.Path(folder) / "run/control").write_text("stop\n")
+            # That nobody answers is said once, also while it lasts longer, and stays closed.
+            run.kill()
+            run.wait()
+            message = "document.getElementById('message')"
+            until("a word of silence", lambda: browser.evaluate(f"!{message}.hidden && {message}.textContent"
+                                                                ".startsWith('No answer since')"), 30)
+            browser.evaluate(f"window.changes = 0; new MutationObserver(() => ++changes).observe({message}, "
+                             "{childList: true, subtree: true, characterData: true, attributes: true}); 0")
+            browser.click(*browser.middle("#message button"))
+            until("its end", lambda: browser.evaluate(f"{message}.hidden"), 5)
+            time.sleep(3)
+            check(browser.evaluate("changes") == 1, "the word came again")
+            # Another data set at that address, whose name is the same, has a page of its own; so has another page.
+            subprocess.run([tgtrain, "make-sample", f"{folder}/other/scene", "--size", "64", "--views", "8",
+                            "--test-views", "2", "--points", "400", "--supersampling", "1"], check=True)
+            browser.evaluate("location.hash = 'view=0,0,9,0,0,0,1,50,1,4'; window.old = true; 0")
+            other = [tgtrain, f"{folder}/other/scene", "-o", f"{folder}/other/model.tgz", *command[4:]]
+            run = subprocess.Popen([*other[:other.index("--serve")], "--serve", port, "--serve-token",
+                                    "a-token-for-this-test"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            until("a page of its own", lambda: browser.evaluate("!window.old && window.__shown"))
+            found = browser.evaluate("[location.hash, tgViewer.settings.show, document.getElementById('panel').hidden]")
+            check(found == ["", "final", True], found)
+            browser.evaluate("location.hash = 'show=depth'; window.old = true; window.fetched = window.fetch;"
+                             "window.fetch = async (address, options) => {"
+                             "if (!String(address).includes('state.json')) return fetched(address, options);"
+                             "const state = await (await fetched(address, options)).json();"
+                             "return new Response(JSON.stringify({...state, start: 1, page: 'another'})); }; 0")
+            until("the page of another build", lambda: browser.evaluate("!window.old && window.__shown"))
+            check(browser.evaluate("tgViewer.settings.show") == "depth", "its address was not kept")
+            run.terminate()
             until("its end", lambda: phase() == "interrupted", 30)
-        check(run.wait(30) == 130, "tgtrain's exit code")
+        check(run.wait(30) == 143, "tgtrain's exit code")
     finally:
         run.kill()
         run.wait()

@@ -70,7 +70,7 @@ void serveRun(const ViewOptions& options, PageServer& page) {
 void serveModel(const ViewOptions& options) {
   if (!options.follow) (void)detectFormat(options.model);  // a wrong name is said before anything is served
   const std::string title = options.model.filename().string();
-  const std::unique_ptr<PageServer> page = servePage(options.serve, options.serve_token, title);
+  const std::unique_ptr<PageServer> page = servePage(options.serve, options.serve_token, title, {options.model});
   handleStopSignals(requestStop);
   if (options.follow) return serveRun(options, *page);
   page->show(std::make_shared<const Bundle>(readModel(options.model)));

@@ -90,11 +90,13 @@ export class Viewer {
 
   // The same model, further trained: the view stays, and the old picture until there is an order of the new one.
   async replace(model) {
-    const had = Boolean(this.model.layer);
+    const modeOf = ({layer}) => (layer ? layer.mode : 0), had = modeOf(this.model);
     if (!await this.take(model, new Orbit(model))) return;
     const own = this.splats.settings;
-    if (Boolean(model.layer) !== had) this.settings.textures = own.textures;
+    if (modeOf(model) !== had) this.settings.textures = own.textures;
     this.settings.intersection = own.intersection;
+    if (this.cameraIndex >= model.cameras.length) this.cameraIndex = -1;
+    if (this.viewIndex >= model.views.length) this.viewIndex = -1;
     this.changed();
   }
 

@@ -50,6 +50,7 @@ class RunPanel {
     this.generation = -1;
     this.charts = Object.fromEntries(['psnr', 'loss', 'gaussians'].map((id) => [id, new Chart(element(id))]));
     this.heldOut = '';
+    this.paused = false;
     new ResizeObserver(() => Object.values(this.charts).forEach((chart) => chart.draw())).observe(element('run'));
   }
 
@@ -58,7 +59,8 @@ class RunPanel {
   // The next question is for all that there is.
   forget() { this.generation = -1; }
 
-  update({run, metrics}) {
+  update({run, metrics, paused}) {
+    this.paused = this.paused || paused;  // of a program before, too: the run's seconds hold its pauses
     element('run').hidden = !run;
     const news = metrics.generation !== this.generation || metrics.rows.length > 0;
     if (metrics.generation !== this.generation || metrics.from !== this.rows.length) this.rows = [];
@@ -79,9 +81,10 @@ class RunPanel {
     element('progress').setAttribute('aria-valuenow', String(Math.round(100 * share)));
     const ended = run.phase === 'finished' || run.phase === 'interrupted';
     const known = run.seconds_left !== null && !ended;
-    const done = known ? Math.floor(100 * run.seconds / Math.max(run.seconds + run.seconds_left, 1)) : 0;
+    const told = known && !this.paused;
+    const done = told ? Math.floor(100 * run.seconds / Math.max(run.seconds + run.seconds_left, 1)) : 0;
     element('stage-line').textContent = `stage ${run.stage}: ${run.iteration.toLocaleString('en')} of ` +
-      `${run.iterations.toLocaleString('en')} iterations${known ? `, about ${done}\u00A0% of the run's time` : ''}`;
+      `${run.iterations.toLocaleString('en')} iterations${told ? `, about ${done}\u00A0% of the run's time` : ''}`;
     const facts = [['training', decibels(run.train_psnr)], ['held out', decibels(run.test_psnr)],
                    ['loss', run.loss === null ? null : run.loss.toFixed(4)],
                    ['Gaussians', run.gaussians.toLocaleString('en')],
@@ -174,6 +177,14 @@ class ModelView {
   }
 }
 
+// Another program's page, or the page of another subject, whose views are not those that the address may name. Never
+// returns.
+function loadAnew(sameSubject) {
+  if (!sameSubject) history.replaceState(null, '', location.pathname + location.search);
+  location.reload();
+  return new Promise(() => {});
+}
+
 // window.__shown counts the models drawn, for tests.
 async function startLive() {
   const run = new RunPanel();
@@ -184,11 +195,12 @@ async function startLive() {
     showMessage(error.message);
     element('waiting').hidden = true;
   }
-  let answered = performance.now(), said = '';
-  const say = (words) => {
-    if (words === said) return;
-    if (words !== '' || element('message').firstElementChild.textContent === said) showMessage(words);
-    said = words;
+  let answered = performance.now(), lastAnswer = new Date(), said = {words: '', state: ''};
+  // Once for each `state`: what was read out or closed is not said again.
+  const say = (words, state = words) => {
+    if (state === said.state) return;
+    if (words !== '' || element('message').firstElementChild.textContent === said.words) showMessage(words);
+    said = {words, state};
   };
   // Meanwhile the state is asked for: what is slow, or does not come, holds up no word.
   const busy = {}, trouble = {};  // by kind: whether one is on its way, and what went wrong with the last one
@@ -206,10 +218,11 @@ async function startLive() {
   const once = async () => {
     const state = JSON.parse(await (await ask(run.question, LOST_AFTER)).text());
     answered = performance.now();
-    const {start, title, version} = state, before = program;
-    program = {start, title, version};
+    lastAnswer = new Date();
+    const {start, title, page, subject} = state, before = program;
+    program = {start, page, subject};
     if (before !== null && start !== before.start) {  // what has begun anew numbers all anew
-      if (title !== before.title || version !== before.version) location.reload();
+      if (page !== before.page || subject !== before.subject) await loadAnew(subject === before.subject);
       run.forget();
       return;
     }
@@ -229,7 +242,7 @@ async function startLive() {
       if (failed && !ended && performance.now() - answered > LOST_AFTER) {
         element('phase').textContent = 'no answer';
         element('phase').className = 'lost';
-        say(`No answer since ${duration((performance.now() - answered) / 1000)}: ${failed.message}`);
+        say(`No answer since ${lastAnswer.toLocaleTimeString()}: ${failed.message}`, 'lost');
       } else if (failed && failed.message.includes('token')) {
         say(failed.message);
       } else if (trouble.model && trouble.model === model.failed.why) {

@@ -266,6 +266,36 @@ TEST_CASE("a model is seen once all of it has come", "[serve]") {
   CHECK(seenWithin(20000));
 }
 
+TEST_CASE("a program says whether an open page may go on with it and whether its run was paused", "[serve]") {
+  TG_SKIP_IF(noCurl());
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "a");
+  std::filesystem::create_directory_symlink(folder / "a", folder / "link");
+  const auto stateWith = [&](const std::vector<std::filesystem::path>& subject) {
+    return stateOf(PageServer(parseServe("0", ""), "model.tgz", subject));
+  };
+  const nlohmann::json state = stateWith({folder / "a/model.tgz"}), again = stateWith({folder / "link/model.tgz"});
+  CHECK(state["start"] != again["start"]);
+  CHECK(state["subject"] == again["subject"]);
+  CHECK(state["page"] == again["page"]);
+  CHECK(state["page"].get<std::string>().size() == 16);
+  CHECK(state["subject"] != stateWith({folder / "b/model.tgz"})["subject"]);
+  CHECK(state["subject"] != stateWith({folder / "a/model.tgz", ""})["subject"]);
+
+  PageServer page(parseServe("0", ""), "a");
+  RunStatus status;
+  page.show(status);
+  CHECK(stateOf(page)["paused"] == false);
+  status.phase = RunPhase::paused;
+  page.show(status);
+  status.phase = RunPhase::training;
+  page.show(status);
+  CHECK(stateOf(page)["paused"] == true);
+  PageServer unseen(parseServe("0", ""), "a");
+  unseen.notePause();
+  CHECK(stateOf(unseen)["paused"] == true);
+}
+
 TEST_CASE("a server goes at once, whoever still listens", "[serve]") {
   auto page = std::make_unique<PageServer>(parseServe("0", ""), "a");
   std::vector<std::thread> sleepers;
