@@ -20,8 +20,9 @@ namespace {
 constexpr int kMaxEntries = 1024;
 constexpr std::uint64_t kMaxRatio = 1000;
 constexpr std::size_t kPieceBytes = 1 << 16;
-constexpr std::string_view kEndMark = "PK\5\6";             // begins the end of the directory
-constexpr std::size_t kLongestEnd = 22 + ((1u << 16) - 1);  // [bytes] of that with its comment
+constexpr std::string_view kEndMark = "PK\5\6";                    // begins the end of the directory
+constexpr std::size_t kEndBytes = 22;                              // of that
+constexpr std::size_t kLongestEnd = kEndBytes + ((1u << 16) - 1);  // of that with its comment
 
 std::string reasonOf(archive* a, const char* otherwise) {
   if (archive_errno(a) == ENOMEM) throw std::bad_alloc();
@@ -34,14 +35,16 @@ std::string reasonOf(archive* a, const char* otherwise) {
 std::vector<std::uint8_t> ZipReader::read(const std::string& name, std::uint64_t most) const {
   const auto fail = [&](const std::string& what) { throw Error(ErrorKind::badData, path_, what); };
   const std::string_view text(reinterpret_cast<const char*>(bytes_.data()), bytes_.size());
-  if (text.substr(text.size() - std::min(text.size(), kLongestEnd)).find(kEndMark) == text.npos) {
-    fail("the ZIP archive is cut off (expected the end of its directory, found none in " + std::to_string(text.size()) +
-         " bytes)");
+  const std::size_t end = text.size() < kEndBytes ? text.npos : text.rfind(kEndMark, text.size() - kEndBytes);
+  if (end == text.npos || text.size() - end > kLongestEnd) {
+    fail("the ZIP archive has no end of its directory (in " + std::to_string(text.size()) +
+         " bytes): it may be cut off, or other bytes follow it");
   }
   const std::unique_ptr<archive, int (*)(archive*)> reader(archive_read_new(), archive_read_free);
   if (!reader) throw std::bad_alloc();
   archive_read_support_format_zip_seekable(reader.get());
-  if (archive_read_open_memory(reader.get(), bytes_.data(), bytes_.size()) != ARCHIVE_OK) {
+  // Without what follows, in which libarchive looks for the end, 16 KiB far.
+  if (archive_read_open_memory(reader.get(), bytes_.data(), end + kEndBytes) != ARCHIVE_OK) {
     fail("broken ZIP archive: " + reasonOf(reader.get(), "no entry"));
   }
   for (int i = 0;; ++i) {

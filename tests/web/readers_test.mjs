@@ -410,19 +410,27 @@ for (const text of ['', '1,2', '1,2,3,0,0,0,1,50,1,4,0,0.5,0.5', '1,2,3,0,0,0,1,
                     '1,2,3,0,0,0,1,50,1,x', '1,2,3,0,0,0,2,50,1,4', 'NaN,0,0,0,0,0,1,50,1,4']) {
   expect('a word that is no view', parseView(text) === null, text);
 }
-for (const bytes of [new Uint8Array(0), new Uint8Array(100), new Uint8Array([0x50, 0x4B, 3, 4])]) {
+const end = new Uint8Array(22);
+end.set([0x50, 0x4B, 5, 6]);  // of an archive without entries
+expect('an archive without entries', readZip(end).size === 0, '');
+expect('and with a comment', readZip(Uint8Array.of(...end, ...new Uint8Array(65535))).size === 0, '');
+for (const bytes of [new Uint8Array(0), new Uint8Array(100), new Uint8Array([0x50, 0x4B, 3, 4]),
+                     ...[...end.keys()].map((length) => end.slice(0, length)),
+                     Uint8Array.of(...end, ...new Uint8Array(65536))]) {
   let told = '';
   try { readZip(bytes); } catch (error) { told = error.message; }
-  expect('no archive', told.startsWith('the ZIP archive is cut off'), told);
+  expect('no archive', told.startsWith('the ZIP archive has no end of its directory'), told);
 }
 // What is cut off is told with how much there is, and of other formats what reads them.
 for (const [bytes, words] of [
   [original.slice(0, 1000), `the GLB is cut off (1000 of ${original.length} bytes): copy or export it again`],
+  [original.slice(0, 16), 'the GLB is cut off (16 bytes, in its header)'],
+  [original.slice(0, 4), 'the GLB is cut off (4 bytes, in its header)'],
   [Uint8Array.of(...original, 0), `a GLB of ${original.length} bytes in a file of ${original.length + 1}`],
   [new TextEncoder().encode('ply\nformat'), 'a PLY file, of which tgconvert makes a GLB'],
   [new TextEncoder().encode('NGSP....'), 'an SPZ file, of which tgconvert makes a GLB'],
   [Uint8Array.of(0x1F, 0x8B, 8, 0), 'tgconvert makes a GLB of .tgz and .spz'],
-  [new Uint8Array(64), '64 bytes that begin otherwise: tgconvert makes a GLB of a .splat'],
+  [new Uint8Array(64), '64 bytes that begin otherwise: if it is a .splat or .ksplat, tgconvert makes a GLB of it'],
 ]) {
   const told = await toldOf(readModel(bytes));
   expect('what is no model', told.includes(words), told);

@@ -31,7 +31,8 @@ const NODES_TO_BREATHE = 4096;
 class GlbFile {
   constructor(bytes) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-    if (bytes.length < 20 || view.getUint32(0, true) !== 0x46546C67) throw new Error('the file is no GLB');
+    if (bytes.length < 4 || view.getUint32(0, true) !== 0x46546C67) throw new Error('the file is no GLB');
+    if (bytes.length < 20) throw new Error(`the GLB is cut off (${bytes.length} bytes, in its header)`);
     if (view.getUint32(4, true) !== 2) throw new Error(`GLB version ${view.getUint32(4, true)} (expected 2)`);
     const length = view.getUint32(8, true);
     if (length > bytes.length) {

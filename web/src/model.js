@@ -22,7 +22,7 @@ function beginningOf(bytes) {
   if (text.startsWith('ply')) return 'a PLY file, of which tgconvert makes a GLB';
   if (text.startsWith('NGSP')) return 'an SPZ file, of which tgconvert makes a GLB';
   if (bytes[0] === 0x1F && bytes[1] === 0x8B) return 'something gzipped: tgconvert makes a GLB of .tgz and .spz';
-  return `${bytes.length} bytes that begin otherwise: tgconvert makes a GLB of a .splat and others`;
+  return `${bytes.length} bytes that begin otherwise: if it is a .splat or .ksplat, tgconvert makes a GLB of it`;
 }
 
 // readModel, with the address in what goes wrong; a lod-meta.json, too, whose chunks are fetched from there. options:

@@ -10,10 +10,11 @@ const MOST_RATIO = 1000;  // that an entry may unpack to, times the archive
 export function readZip(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   let end = bytes.length - END_BYTES;
-  for (const least = Math.max(end - LONGEST_COMMENT, 0); end >= least && view.getUint32(end, true) !== END;) --end;
-  if (end < 0 || view.getUint32(end, true) !== END) {
-    throw new Error(`the ZIP archive is cut off (${bytes.length} bytes without the directory that ends it): ` +
-                    'copy or export it again');
+  const least = Math.max(end - LONGEST_COMMENT, 0);
+  while (end >= least && view.getUint32(end, true) !== END) --end;
+  if (end < least) {
+    throw new Error(`the ZIP archive has no end of its directory (in ${bytes.length} bytes): it may be cut off, or ` +
+                    'other bytes follow it');
   }
   const entries = new Map();
   let at = view.getUint32(end + 16, true);

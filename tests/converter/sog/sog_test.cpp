@@ -118,11 +118,21 @@ TEST_CASE("SOG: what a file says wrongly is refused in words") {
           p.meta["scales"]["codebook"] = nlohmann::json::array();
         }).find("wrong number of values (expected 1 to 256, found 0)") != std::string::npos);
   CHECK(refusal([](SogParts& p) { p.meta["sh0"].erase("files"); }).find("\"files\"") != std::string::npos);
-  std::vector<std::uint8_t> cut = SogParts().bytes(scratch);
-  cut.resize(cut.size() / 2);
-  CHECK(test::messageOf([&] { parseSog(cut, "a.sog"); }) ==
-        "a.sog: the ZIP archive is cut off (expected the end of its directory, found none in " +
-            std::to_string(cut.size()) + " bytes)");
+  // However many bytes are lost at the end, or too many follow it; some that follow do no harm.
+  const std::vector<std::uint8_t> whole = SogParts().bytes(scratch);
+  const auto withBytes = [&](std::size_t bytes) {
+    std::vector<std::uint8_t> other = whole;
+    other.resize(bytes);
+    return test::messageOf([&] { parseSog(other, "a.sog"); });
+  };
+  for (const std::size_t bytes : {whole.size() / 2, std::size_t{21}, std::size_t{4}, whole.size() + (1 << 16)}) {
+    CHECK(withBytes(bytes) == "a.sog: the ZIP archive has no end of its directory (in " + std::to_string(bytes) +
+                                  " bytes): it may be cut off, or other bytes follow it");
+  }
+  for (std::size_t lost = 1; lost <= 22; ++lost) {
+    CHECK_THAT(withBytes(whole.size() - lost), Contains("has no end of its directory"));
+  }
+  for (const std::size_t more : {1, 20'000, 65'535}) CHECK(withBytes(whole.size() + more) == "accepted");
   CHECK(refusal([](SogParts& p) { p.meta["shN"]["bands"] = 4; }).find("\"bands\"") != std::string::npos);
   CHECK(refusal([](SogParts& p) { p.meta["shN"]["count"] = 1; }) ==
         "a.sog: Gaussian 0 has SH that the palette lacks (expected an index below 1, found 1)");
