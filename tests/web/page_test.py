@@ -56,7 +56,7 @@ class SlowServer:
     """Serves a file, half of it at once and the rest when `go` is set. Until then it drips, as networks do: a browser
     may keep what came last until more comes."""
 
-    def __init__(self, data, torn=False):
+    def __init__(self, data, torn=False, headers=()):
         """torn: the connection ends instead of the rest."""
         self.go = threading.Event()
         outer = self
@@ -66,6 +66,8 @@ class SlowServer:
                 self.send_response(200)
                 self.send_header("Content-Type", "text/html; charset=utf-8")
                 self.send_header("Content-Length", str(len(data)))
+                for name, value in headers:
+                    self.send_header(name, value)
                 self.end_headers()
                 at = len(data) // 2
                 self.wfile.write(data[:at])
@@ -279,6 +281,20 @@ def main():
         on_a_phone(browser, page)
         device_lost(browser, page, "160x160")
 
+        # A newer one of the same model keeps what the hand chose, as far as it goes for it.
+        browser.open(page, 320, 240)
+        found = browser.evaluate("""(async () => {
+          const was = tgViewer.model, last = was.cameras.length - 1, own = tgViewer.settings.textures;
+          tgViewer.jump(last);
+          tgViewer.settings.textures = 'off';
+          await tgViewer.replace({...was});
+          const same = [tgViewer.cameraIndex === last, tgViewer.settings.textures];
+          await tgViewer.replace({...was, cameras: was.cameras.slice(0, 1), layer: {...was.layer, mode: MODES.alpha}});
+          return [own, ...same, tgViewer.cameraIndex, tgViewer.settings.textures];
+        })()""")
+        expect("a newer model keeps camera and textures where it has them", found == ["rgba", True, "off", -1, "alpha"],
+               found)
+
         # Bookmarks of tgview are views.
         with tarfile.open(model) as archive:
             cameras = json.load(io.TextIOWrapper(archive.extractfile("cameras.json")))
@@ -322,6 +338,13 @@ def main():
         found = browser.open((folder / "cut.html").as_uri())
         counts = re.search(r"cut off \((\d+) of (\d+) bytes of its model\): copy", found.get("error", ""))
         expect("a page that is cut off says so", counts and 0 < int(counts[1]) < int(counts[2]) < len(cut), found)
+        held = sum(len(part) * 3 // 4 - part.count(b"=") for part in re.findall(rb'class="model">([^<]*)<', cut))
+        expect("in bytes", counts and held <= int(counts[2]) <= held + 2, (held, found))
+        for keep_bytes in (cut.rindex(b"</body>"), cut.rindex(b"<i id=\"end\"")):
+            (folder / "end.html").write_bytes(cut[:keep_bytes].replace(b"<script>startViewer", b"<i"))
+            found = browser.open((folder / "end.html").as_uri())
+            expect("without counts where all of its model has come",
+                   found.get("error") == "This file is cut off: copy or export it again.", found)
         dead = browser.evaluate("[...document.querySelectorAll('button')].filter((e) => e.offsetHeight > 0)"
                                 ".map((e) => e.getAttribute('aria-label'))")
         expect("and has no buttons that do nothing", dead == ["close"], dead)
@@ -331,6 +354,14 @@ def main():
         expect("one that ends within its script, too",
                until(browser, f"{said} !== null && getComputedStyle({said}).visibility === 'visible'"))
         keep(browser, "torso")
+        # Its scripts are forbidden, as some servers do: it is whole, and says why it shows nothing.
+        barred = SlowServer(cut, headers=[("Content-Security-Policy", "script-src 'none'")])
+        barred.go.set()
+        browser.page("Page.navigate", url=barred.address)
+        seen = """[...document.querySelectorAll('.late')].filter((e) => getComputedStyle(e).visibility === 'visible' &&
+            e.offsetHeight > 0).map((e) => e.id + e.role).join()"""
+        expect("one whose scripts are forbidden says so alone", until(browser, f"({seen}) === 'barredalert'"),
+               browser.evaluate(seen))
         short = SlowServer(cut[:len(cut) // 2])
         short.go.set()
         found = browser.open(short.address)

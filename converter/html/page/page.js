@@ -16,9 +16,16 @@ function showLoading(share) {
   bar.hidden = share >= 1;
 }
 
+// Of a model of `total` characters of base64, of which so many have come.
+function cutOff(come, total) {
+  const bytes = (characters) => Math.floor(characters * 3 / 4);
+  return 'This file is cut off' + (come < total ? ` (${bytes(come)} of ${bytes(total)} bytes of its model)` : '') +
+    ': copy or export it again.';
+}
+
 // While the model, `total` characters, comes. Browsers do not say that a connection broke.
 function watchLoading(total) {
-  element('cut').remove();
+  document.documentElement.classList.add('runs');
   let before = -1, since = 0, told = false;
   watching = setInterval(() => {
     let come = 0;
@@ -26,9 +33,8 @@ function watchLoading(total) {
       for (const part of node.childNodes) come += part.length;
     }
     if (document.readyState !== 'loading') {  // and startViewer(), at the end of the page, was not called
-      fail(new Error(location.protocol === 'file:'
-        ? `This file is cut off (${come} of ${Number(total)} bytes of its model): copy or export it again.`
-        : 'This page has not come as a whole: reload it.'));
+      fail(new Error(location.protocol === 'file:' ? cutOff(come, Number(total))
+                                                   : 'This page has not come as a whole: reload it.'));
       return;
     }
     if (come !== before) {
