@@ -455,15 +455,20 @@ int train(const TrainFlags& options, Processes* together) {
       const auto* named = dynamic_cast<const Error*>(&error);
       const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
       if (run || !(storing || named || no_memory)) throw;
-      std::optional<TrainResult> kept = storing ? trainer.result() : trainer.takePlain();
-      if (!kept) throw;
       const Error why = named       ? *named
                         : no_memory ? Error(ErrorKind::device, "out of memory")
                                     : Error(ErrorKind::cannotWrite, options.output, error.what());
-      line.finish();
-      json_options.total_seconds = seconds();
-      throw keepModel(options.output,
-                      makeTrainedBundle(dataset, settings, kept->report, std::move(kept->model), json_options), why);
+      std::optional<Bundle> bundle;
+      try {
+        std::optional<TrainResult> kept = storing ? trainer.result() : trainer.takePlain();
+        line.finish();
+        json_options.total_seconds = seconds();
+        if (kept) bundle = makeTrainedBundle(dataset, settings, kept->report, std::move(kept->model), json_options);
+      } catch (const std::exception&) {
+        // The first reason says more.
+      }
+      if (!bundle) throw why;
+      throw keepModel(options.output, *std::move(bundle), why);
     }
     if (!options.quiet) line.show(trainer.progress());
     if (run) run->afterStep(trainer);

@@ -85,13 +85,20 @@ void setShDegree(GaussianModel& model, int degree) {
     throw Error(ErrorKind::usage, "wrong SH degree (expected 0 to 3, found " + std::to_string(degree) + ")");
   }
   if (degree == model.sh_degree) return;
-  const std::size_t before = model.shCount();
-  model.sh_degree = degree;
+  // Another degree only once there is memory for all of it.
+  GaussianModel other;
+  other.sh_degree = degree;
   forEachField(
-      [&](const Field& field, auto& values) {
-        if (field.harmonic) values = withRowLength(values, before, model.shCount());
+      [&](const Field& field, auto& values, auto& others) {
+        if (field.harmonic) others = withRowLength(values, model.shCount(), other.shCount());
       },
-      model);
+      model, other);
+  forEachField(
+      [](const Field& field, auto& values, auto& others) {
+        if (field.harmonic) values.swap(others);
+      },
+      model, other);
+  model.sh_degree = degree;
 }
 
 GaussianModel select(const GaussianModel& model, std::span<const std::uint32_t> source) {

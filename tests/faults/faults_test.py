@@ -156,7 +156,7 @@ class Runner:
         kept = re.search(r"\(the model is kept as (\S+)\)$", said)
         if kept:  # after training: whole, under a name that was free
             model = files.pop(kept[1], None)
-            if kept[1] in before or model not in (*wanted.values(), *self.early_models(scenario)):
+            if kept[1] in before or model is None or model not in (*wanted.values(), *self.early_models(scenario, kind)):
                 return f"{kept[1]} is no model: {said}"
         if scenario.older:
             differing = sorted(name for name in before.keys() | files.keys() if before.get(name) != files.get(name))
@@ -164,10 +164,11 @@ class Runner:
         parts = [name for name in files if name not in wanted and name not in before]
         return f"left behind: {parts}" if parts else None
 
-    def early_models(self, scenario):
-        if not scenario.early:
+    def early_models(self, scenario, kind):
+        """What may be kept where memory runs out."""
+        if not scenario.early or kind != "memory":
             return []
-        return [self.run(scenario, "memory", 0, early=True)[1].get(scenario.output)]
+        return [self.run(scenario, "memory", 0, early=True)[1][scenario.output]]
 
     def judge_killed(self, scenario, done, files, before, wanted):
         if done.returncode != -signal.SIGKILL:

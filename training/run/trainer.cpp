@@ -249,10 +249,11 @@ void Trainer::begin(Stage stage, GaussianModel first) {
       state_.training.model = std::move(first);
       resetMoments(state_.training);
     } else {
-      Plain& plain = plain_.emplace();
+      Plain plain;
       plain.intersection = state_.training.model.intersection;
       plain.min_sigma = state_.min_sigma;
       if (settings_.texture_init == TextureInit::paper) plain.constant_color = constantColors(state_.training.model);
+      plain_ = std::move(plain);
     }
     growShDegree(state_.training, settings_.sh_degree);
     if (settings_.compare_untextured) state_.untextured_start = state_.training.model;
