@@ -1,17 +1,46 @@
 # One static library of several, for programs that link it installed.
 
 # Whether such a library keeps its inner names to itself: by GNU's tools, where the linker has nothing left to compile
-# and no sanitizer has tables of its own. Tried with GCC alone.
+# and no sanitizer has tables of its own. A small library shows whether they can. Tried with GCC alone.
 set(TG_KEEPS_NAMES OFF)
-set(tg_flags "${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_RELEASE} ${CMAKE_CXX_FLAGS_RELWITHDEBINFO} ${CMAKE_CXX_FLAGS_DEBUG}")
-if(CMAKE_SYSTEM_NAME STREQUAL Linux AND CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_OBJCOPY AND CMAKE_NM
-    AND NOT TG_SANITIZE AND NOT TG_FUZZ AND NOT CMAKE_INTERPROCEDURAL_OPTIMIZATION
-    AND NOT tg_flags MATCHES "-flto|-fsan")
-  execute_process(COMMAND ${CMAKE_LINKER} --help OUTPUT_VARIABLE tg_linker_said ERROR_QUIET)
-  execute_process(COMMAND ${CMAKE_OBJCOPY} --version OUTPUT_VARIABLE tg_objcopy_said ERROR_QUIET)
-  if(tg_linker_said MATCHES "--force-group-allocation" AND tg_objcopy_said MATCHES "GNU")
-    set(TG_KEEPS_NAMES ON)
-  endif()
+set(tg_why "")
+set(tg_optimized ${CMAKE_INTERPROCEDURAL_OPTIMIZATION})
+set(tg_flags "${CMAKE_CXX_FLAGS}")
+foreach(config IN LISTS CMAKE_BUILD_TYPE CMAKE_CONFIGURATION_TYPES)
+  string(TOUPPER ${config} config)
+  list(APPEND tg_optimized ${CMAKE_INTERPROCEDURAL_OPTIMIZATION_${config}})
+  string(APPEND tg_flags " ${CMAKE_CXX_FLAGS_${config}}")
+endforeach()
+separate_arguments(tg_machine UNIX_COMMAND "${tg_flags}")
+list(FILTER tg_machine INCLUDE REGEX "^-m")
+list(JOIN tg_machine " " tg_machine_flags)
+set(tg_hide ${CMAKE_COMMAND} -DCOMPILER=${CMAKE_CXX_COMPILER} "-DFLAGS=${tg_machine_flags}" -DNM=${CMAKE_NM}
+  -DOBJCOPY=${CMAKE_OBJCOPY} -DAR=${CMAKE_AR})
+set(TG_HIDES ${CMAKE_CURRENT_LIST_DIR}/hide_names.cmake)
+list(FILTER tg_optimized INCLUDE REGEX "^([Oo][Nn]|[Yy]|[Yy][Ee][Ss]|[Tt][Rr][Uu][Ee]|[1-9].*)$")
+if(NOT PROJECT_IS_TOP_LEVEL)
+  set(tg_why "it is not installed")
+elseif(NOT CMAKE_SYSTEM_NAME STREQUAL Linux OR NOT CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+  set(tg_why "only GCC's on Linux hides them")
+elseif(TG_SANITIZE OR TG_FUZZ OR tg_flags MATCHES "-fsan")
+  set(tg_why "a sanitizer needs them")
+elseif(tg_optimized OR tg_flags MATCHES "-flto")
+  set(tg_why "the linker optimizes")
+else()
+  set(tg_trial ${CMAKE_CURRENT_BINARY_DIR}/CMakeFiles/names)
+  file(WRITE ${tg_trial}.cpp "inline int& inner() { static int number; return number; }
+namespace textured_gaussians { int outer() { return inner(); } }\n")
+  file(REMOVE ${tg_trial}.a)
+  execute_process(COMMAND ${CMAKE_CXX_COMPILER} ${tg_machine} -c ${tg_trial}.cpp -o ${tg_trial}.cpp.o ERROR_QUIET)
+  execute_process(COMMAND ${CMAKE_AR} rcs ${tg_trial}.a ${tg_trial}.cpp.o ERROR_QUIET)
+  execute_process(COMMAND ${tg_hide} -DARCHIVE=${tg_trial}.a -DNAMESPACE=textured_gaussians -P ${TG_HIDES}
+    ERROR_VARIABLE tg_why)
+  string(STRIP "${tg_why}" tg_why)
+endif()
+if(tg_why STREQUAL "")
+  set(TG_KEEPS_NAMES ON)
+elseif(PROJECT_IS_TOP_LEVEL)
+  message(STATUS "The installed library keeps inner names visible: ${tg_why}")
 endif()
 
 # tg_add_merged_library(TARGET OF NAMESPACE): the objects of OF and of every static library of ours that it links. Other
@@ -54,15 +83,6 @@ function(tg_add_merged_library target of namespace)
   if(NOT TG_KEEPS_NAMES)
     return()
   endif()
-  string(LENGTH ${namespace} length)  # as names are mangled
-  set(object ${CMAKE_CURRENT_BINARY_DIR}/${target}.o)
-  # One object; objcopy hides what is weak, but not "unique" names (nm's u), which are made weak before.
   add_custom_command(TARGET ${target} POST_BUILD
-    COMMAND ${CMAKE_LINKER} -r --force-group-allocation --whole-archive $<TARGET_FILE:${target}> -o ${object}
-    COMMAND sh -c "'${CMAKE_NM}' '${object}' | sed -n 's/.* u //p' >'${object}.unique'"
-    COMMAND ${CMAKE_OBJCOPY} --weaken-symbols=${object}.unique ${object}
-    COMMAND ${CMAKE_OBJCOPY} --wildcard --keep-global-symbol=*${length}${namespace}* ${object}
-    COMMAND ${CMAKE_COMMAND} -E rm $<TARGET_FILE:${target}>
-    COMMAND ${CMAKE_AR} rcs $<TARGET_FILE:${target}> ${object}
-    COMMAND ${CMAKE_COMMAND} -E rm ${object} ${object}.unique VERBATIM)
+    COMMAND ${tg_hide} -DARCHIVE=$<TARGET_FILE:${target}> -DNAMESPACE=${namespace} -P ${TG_HIDES} VERBATIM)
 endfunction()
