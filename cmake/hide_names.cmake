@@ -1,6 +1,6 @@
-# cmake -DARCHIVE= -DNAMESPACE= -DCOMPILER= -DFLAGS= -DNM= -DOBJCOPY= -DAR= -P hide_names.cmake: makes the static library one
-# object of which only names with NAMESPACE are seen from outside. Where a step fails, it stays as it is and one line says
-# so.
+# Makes a static library one object of which only names with NAMESPACE are seen from outside: cmake -DARCHIVE= 
+# -DNAMESPACE= -DCOMPILER= -DFLAGS= -DNM= -DOBJCOPY= -DAR= -P hide_names.cmake. Where a step fails, it stays as
+# it is and one line says so.
 cmake_minimum_required(VERSION 3.24)
 set(object ${ARCHIVE}.o)
 set(names ${ARCHIVE}.names)

@@ -121,19 +121,25 @@ std::string shapeText(const py::array& array) {
 }
 
 // An array of numbers whose type's kind, NumPy's letter, is one of `kinds`. NumPy makes numbers of texts, dates and
-// truths, too, and of masked values what lies behind the mask. Throws TypeError, which begins with `expected`.
+// truths, too, and of masked values what lies behind the mask. Throws TypeError, which begins with `expected`, and what
+// else Python raises meanwhile: an __array__ that is interrupted, a warning that is an error.
 template <typename Number>
 ArrayOf<Number> arrayFrom(const py::object& given, std::string_view kinds, const std::string& expected) {
   const auto requireType = [&](bool right, const py::object& found) {
     if (!right) throw py::type_error(oneLine(expected + ", found " + std::string(py::str(found))));
   };
-  const auto array = py::array::ensure(given);
-  requireType(static_cast<bool>(array), py::type::of(given).attr("__name__"));
+  const auto array = [&]() -> py::array {
+    try {
+      return py::array(given);
+    } catch (const py::error_already_set& raised) {
+      requireType(!raised.matches(PyExc_TypeError) && !raised.matches(PyExc_ValueError),
+                  py::type::of(given).attr("__name__"));
+      throw;
+    }
+  }();
   requireType(!py::isinstance(given, py::module_::import("numpy.ma").attr("MaskedArray")), py::str("masked values"));
   requireType(array.size() == 0 || kinds.find(array.dtype().kind()) != kinds.npos, array.dtype());
-  const auto numbers = ArrayOf<Number>::ensure(array);
-  if (!numbers) throw std::bad_alloc();
-  return numbers;
+  return ArrayOf<Number>(array);
 }
 
 // An array of the shape that `expected` names; a side of -1 is free.

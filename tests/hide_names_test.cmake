@@ -1,5 +1,5 @@
-# What cmake/hide_names.cmake makes of a small library, in a folder that a shell would read otherwise; with the tools of a
-# build: cmake -DCOMPILER= -DFLAGS= -DNM= -DOBJCOPY= -DAR= -P tests/hide_names_test.cmake
+# What cmake/hide_names.cmake makes of a small library, in a folder that a shell would read otherwise: with a
+# build's tools, cmake -DCOMPILER= -DFLAGS= -DNM= -DOBJCOPY= -DAR= -P tests/hide_names_test.cmake
 cmake_minimum_required(VERSION 3.24)
 set(folder "${CMAKE_CURRENT_BINARY_DIR}/hide_names/o'b c")
 set(archive ${folder}/liba.a)
@@ -9,10 +9,11 @@ namespace outside { int outer() { return inner(); } }\n")
 
 separate_arguments(own_flags UNIX_COMMAND "${FLAGS}")
 
-# check(OBJCOPY FLAG NAMES SAID): so made and with that objcopy, the library shows these names, and the script says that.
+# check(OBJCOPY FLAG NAMES SAID): made so, with that objcopy, the library shows these names, and the script says that.
 function(check objcopy flag names said)
   file(REMOVE ${archive})
-  execute_process(COMMAND ${COMPILER} ${own_flags} ${flag} -c ${folder}/a.cpp -o ${folder}/a.o COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND ${COMPILER} ${own_flags} ${flag} -c ${folder}/a.cpp -o ${folder}/a.o
+    COMMAND_ERROR_IS_FATAL ANY)
   execute_process(COMMAND ${AR} rcs ${archive} ${folder}/a.o COMMAND_ERROR_IS_FATAL ANY)
   execute_process(COMMAND ${CMAKE_COMMAND} -DARCHIVE=${archive} -DNAMESPACE=outside -DCOMPILER=${COMPILER}
     "-DFLAGS=${FLAGS} ${flag}" -DNM=${NM} -DOBJCOPY=${objcopy} -DAR=${AR}
@@ -32,7 +33,8 @@ endfunction()
 set(outer _ZN7outside5outerEv)
 set(all "_Z5innerv;${outer};_ZZ5innervE6number")
 check(${OBJCOPY} "" "${outer}" "^$")
-execute_process(COMMAND ${COMPILER} ${own_flags} -m32 -c ${folder}/a.cpp -o ${folder}/a.o RESULT_VARIABLE failed ERROR_QUIET)
+execute_process(COMMAND ${COMPILER} ${own_flags} -m32 -c ${folder}/a.cpp -o ${folder}/a.o
+  RESULT_VARIABLE failed ERROR_QUIET)
 if(NOT failed)  # not every machine has 32 bits
   check(${OBJCOPY} -m32 "${outer}" "^$")
 endif()

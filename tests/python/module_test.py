@@ -16,6 +16,7 @@ import tempfile
 import threading
 import time
 import unittest
+import warnings
 
 FOLDER, MAKE_SAMPLE = sys.argv[1], sys.argv[2:]
 SAMPLE = "docs/sample.tgz"
@@ -109,6 +110,16 @@ class Models(Folder):
             self.assertIn(words, str(caught.exception))
         with self.assertRaisesRegex(TypeError, "focal: expected numbers, found <U1"):
             tg.Camera(np.eye(3), (0, 0, 0), ("1", "2"), (1, 1), 2, 2)
+        with np.errstate(all="raise"), self.assertRaises(FloatingPointError):
+            tg.Model(**(good | {"means": np.full((2, 3), 1e300)}))
+        with warnings.catch_warnings(), self.assertRaises(RuntimeWarning):
+            warnings.simplefilter("error")
+            tg.Model(**(good | {"sh": np.full((2, 4, 3), 1e300)}))
+        for raised in KeyboardInterrupt, MemoryError:
+            with self.subTest(raised=raised), self.assertRaises(raised):
+                tg.Model(**(good | {"means": Raising(raised)}))
+        with self.assertRaisesRegex(TypeError, "means: expected numbers, found Raising"):
+            tg.Model(**(good | {"means": Raising(ValueError)}))
         plain = tg.Model(**{name: np.asarray(value, "i8") for name, value in good.items()})
         self.assertEqual(plain.texture_rects.shape, (0, 3))
         self.assertEqual(len(tg.Model(**good, texture_rects=plain.texture_rects, texels=plain.texels)), 2)
@@ -123,6 +134,16 @@ class Models(Folder):
         self.refused("usage", "is no model format", model.save, self.folder / "a.png")
         self.assertTrue(any("texture" in line for line in model.save(self.folder / "a.ply")))
         self.assertTrue(issubclass(tg.Error, RuntimeError))
+
+
+class Raising:
+    """Is no array."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def __array__(self, *_, **__):
+        raise self.error
 
 
 class Pictures(Folder):
