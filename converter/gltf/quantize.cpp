@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <span>
 #include <utility>
@@ -27,10 +28,11 @@ struct Range {
   double offset = 0.0;
 };
 
-// The range whose largest positive value is `magnitude`.
+// The range whose largest positive value is `magnitude`, or as near as floats, which readers take, hold its scale.
 Range rangeFor(double magnitude, bool is_signed, const Levels& levels) {
   if (!(magnitude > 0.0)) return {};
-  const double scale = is_signed ? magnitude * levels.largest / (levels.largest - levels.zero) : magnitude;
+  const double wanted = is_signed ? magnitude * levels.largest / (levels.largest - levels.zero) : magnitude;
+  const double scale = std::min(wanted, double{std::numeric_limits<float>::max()});
   return {scale, is_signed ? -(levels.zero * scale / levels.largest) : 0.0};
 }
 

@@ -308,6 +308,7 @@ class Writer {
     }
     report_.files = files_.size();
     report_.bytes = bytes_;
+    report_.clipped_texels = clipped_texels_;
     return std::move(report_);
   }
 
@@ -346,9 +347,12 @@ class Writer {
     parallelFor(static_cast<std::int64_t>(files_.size()), 1, [&](std::int64_t item) {
       const fs::path own = folder / folderOf(static_cast<std::size_t>(item));
       makeFolder(own);
-      for (const ZipEntry& entry : sogFiles(modelOf(files_[static_cast<std::size_t>(item)]), path_.string())) {
+      std::uint64_t clipped = 0;
+      const File& file = files_[static_cast<std::size_t>(item)];
+      for (const ZipEntry& entry : sogFiles(modelOf(file), path_.string(), {}, &clipped)) {
         add(own / entry.name, entry.bytes);
       }
+      clipped_texels_ += clipped;
     });
   }
 
@@ -411,7 +415,7 @@ class Writer {
   const LodOptions& options_;
   Tree tree_;
   std::vector<File> files_;
-  std::atomic<std::uint64_t> bytes_{0};
+  std::atomic<std::uint64_t> bytes_{0}, clipped_texels_{0};
   LodReport report_;
 };
 

@@ -20,6 +20,7 @@ struct LodReport {
   std::vector<std::uint64_t> counts;  // [levels] Gaussians
   std::size_t files = 0;
   std::uint64_t bytes = 0;           // of lod-meta.json and all files
+  std::uint64_t clipped_texels = 0;  // of all levels, as sogFiles() counts them
   std::vector<std::uint32_t> order;  // Gaussian j of level 0 is Gaussian order[j] of the model
 };
 

@@ -140,15 +140,17 @@ void writePackedPly(const Path& path, const Bundle& source, const WriteOptions&,
   written.order = std::move(packed.order);
 }
 
+void warnClipped(std::vector<std::string>& warnings, std::uint64_t count, const std::string& what) {
+  if (count == 0) return;
+  warnings.push_back(std::to_string(count) + " " + what + " with a channel outside what SOG's steps reach: clipped");
+}
+
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
   std::uint64_t clipped = 0;
   written.order = writeSog(
       path, source.model,
       {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)}, &clipped);
-  if (clipped != 0) {
-    written.warnings.push_back(std::to_string(clipped) +
-                               " texels with a channel outside what SOG's steps reach: clipped");
-  }
+  warnClipped(written.warnings, clipped, "texels");
 }
 
 // Keys may be sorted, and names of files fill the start.
@@ -191,6 +193,7 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
 
 void writeLevels(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
   LodReport report = writeLod(path, source);
+  warnClipped(written.warnings, report.clipped_texels, "texels of all levels");
   written.output_bytes = report.bytes;
   written.order = std::move(report.order);
 }

@@ -37,7 +37,8 @@ struct SogOptions {
 // of Gaussians without a texture may come back renamed (core/model/equivalent_axes.h). Textured models keep their
 // textures; the base that other readers show is bakeFallback's. Same model in, same bytes out. Atomic. Throws
 // Error(cannotWrite), Error(badData) for a texture of more than 255 texels a side and for more Gaussians or texels than
-// images of 16383 pixels a side hold. `clipped`: how many texels are further from neutral than the widest steps reach.
+// images of 16383 pixels a side hold. `clipped`: how many texels are further from neutral than the widest steps reach,
+// those of shared textures once for each Gaussian.
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
                                     const SogOptions& options = {}, std::uint64_t* clipped = nullptr);
 // meta.json and the images, Gaussians in the model's order: what an archive or a folder holds. `path` starts messages.

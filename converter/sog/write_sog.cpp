@@ -347,6 +347,8 @@ class SogWriter {
     }
     BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
     std::size_t at = 0;
+    std::vector<std::uint64_t> members(stored.rects.size(), stored.shared() ? 0 : 1);  // that have the texture
+    for (const std::uint32_t label : stored.labels) ++members[label];
     const std::array<double, 2> steps = texelSteps(stored);
     for (const sog::SizeClass& group : sog::sizeClasses(stored.rects)) {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
@@ -364,7 +366,7 @@ class SogWriter {
             texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * own);
           }
           texel.a = std::clamp(texel.a, 0.0f, 1.0f);
-          clipped_texels_ += clips;
+          if (clips) clipped_texels_ += members[i];
         }
       }
     }

@@ -267,3 +267,26 @@ TEST_CASE("a channel's range is the one that loses less: outliers are clipped an
   CHECK(kept.scale[1] == Approx(2.0).epsilon(0.02));
   CHECK(kept.offset[1] + 128.0 * kept.scale[1] / 255.0 == 0.0);
 }
+
+TEST_CASE("texels at the ends of floats are read again and what no scale reaches is counted") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "far.glb";
+  constexpr float kMost = std::numeric_limits<float>::max();
+  GaussianModel model = test::makeScene(SceneKind::ordinary, 29, 40).model;
+  for (std::size_t i = 0; i < model.atlas.texels.size(); ++i) model.atlas.texels[i].x = i % 2 == 0 ? kMost : -kMost;
+  for (const AtlasFormat atlas : {AtlasFormat::png8, AtlasFormat::png16}) {
+    const GltfReport report = writeGlb(path, {model, {}, glm::vec3(0.0f), {.atlas = atlas}});
+    CHECK(report.clipped_texels == model.atlas.texels.size());  // a scale of kMost reaches half as far
+    float low = 0, high = 0;
+    for (const glm::vec4& texel : readModel(path).model.atlas.texels) {
+      low = std::min(low, texel.x);
+      high = std::max(high, texel.x);
+    }
+    CHECK(low == Approx(-kMost / 2).epsilon(0.01));
+    CHECK(high == Approx(kMost / 2).epsilon(0.01));
+  }
+  if (!hasMeshopt()) return;
+  WriteOptions steps{.quantize = true, .meshopt = true, .steps = 1.0f};
+  CHECK(writeGlb(path, {model, {}, glm::vec3(0.0f), steps}).clipped_texels > 0);
+  CHECK(readModel(path).model.size() == model.size());
+}

@@ -227,6 +227,15 @@ TEST_CASE("levels of detail: a coarser level has the colours and, from far away,
   }
 }
 
+TEST_CASE("levels of detail: texels that no steps reach are counted in all files") {
+  const Scratch scratch;
+  Bundle in = trained(1000, true);
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  CHECK(writeLod(path, in, kSmall).clipped_texels == 0);
+  for (glm::vec4& texel : in.model.atlas.texels) texel.x = 1e6f;
+  CHECK(writeLod(path, in, kSmall).clipped_texels > in.model.atlas.texels.size());
+}
+
 TEST_CASE("levels of detail: any mix of levels is put together in the tree's order") {
   const Scratch scratch;
   for (const bool textured : {false, true}) {

@@ -251,6 +251,11 @@ TEST_CASE("SOG: texels that no steps reach are counted") {
   for (glm::vec4& texel : model.atlas.texels) texel.x = 1e6f;
   writeSog(scratch.folder() / "a.sog", model, {}, &clipped);
   CHECK(clipped == model.atlas.texels.size());
+  model.texture_mode = TextureMode::rgba;
+  model.atlas = makeUniformAtlas(model.size(), 2, 2);  // one texture, which all share
+  for (glm::vec4& texel : model.atlas.texels) texel.x = 1e6f;
+  writeSog(scratch.folder() / "a.sog", model, {}, &clipped);
+  CHECK(clipped == model.atlas.texels.size());
 }
 
 TEST_CASE("SOG: the base of shared textures has their alpha in its scales, which readers of textures take off again") {
