@@ -69,10 +69,15 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   pushNoTabStop();  // the key is that of textures
   panelMenu(state);
   ImGuiStorage& kept = *ImGui::GetStateStorage();
-  const ImGuiID head = ImGui::GetID("head"), shown = ImGui::GetID("shown page");
+  const ImGuiID head = ImGui::GetID("head"), was_low = ImGui::GetID("low"), shown = ImGui::GetID("shown page");
   const float left = ImGui::GetContentRegionAvail().y - kept.GetFloat(head);  // by the head of the frame before
-  const bool low = left < kPageFonts * ImGui::GetFontSize();
-  if (low) ImGui::BeginChild("page");
+  bool low = left < kPageFonts * ImGui::GetFontSize();
+  // Widgets of the page change their IDs with it: none that is held or has a list open may.
+  if (ImGui::IsAnyItemActive() || popupIsOpen()) low = kept.GetBool(was_low, low);
+  kept.SetBool(was_low, low);
+  // The head is always in this window: what is open in it, and thus its height, is kept by the window's ID.
+  ImGui::BeginChild("all", {0, 0}, false,
+                    low ? ImGuiWindowFlags_None : ImGuiWindowFlags_NoScrollbar | ImGuiWindowFlags_NoScrollWithMouse);
   const float top = ImGui::GetCursorPosY();
   documentsSection(state);
   modelSection(state);
@@ -82,7 +87,11 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   const float above_tabs = ImGui::GetCursorPosY();
   tabs(state);
   kept.SetFloat(head, ImGui::GetCursorPosY() - top);
-  if (!low) ImGui::BeginChild("page");
+  if (!low) {
+    ImGui::SetScrollY(0);  // of the time when it was low
+    ImGui::BeginChild("page");
+  }
+  ImGui::PushID("page");  // names of the head are free here in any window
   // Another page begins at its top.
   const int page = static_cast<int>(state.ui.tab);
   if (kept.GetInt(shown, page) != page) ImGui::SetScrollY(low ? std::min(ImGui::GetScrollY(), above_tabs) : 0.0f);
@@ -125,6 +134,8 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
       break;
   }
   ImGui::EndDisabled();
+  ImGui::PopID();
+  if (!low) ImGui::EndChild();
   ImGui::EndChild();
   edge(state);
   popNoTabStop();

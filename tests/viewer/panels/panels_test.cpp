@@ -105,13 +105,17 @@ ViewerState fullState() {
   return state;
 }
 
+// What scrolls the page: in low windows it is all of the panel.
 const ImGuiWindow& pageWindow() {
-  const auto& windows = ImGui::GetCurrentContext()->Windows;
-  const auto found = std::ranges::find_if(windows, [](const ImGuiWindow* window) {
-    return std::string_view(window->Name).find("/page") != std::string_view::npos;
-  });
-  REQUIRE(found != windows.end());
-  return **found;
+  const ImGuiWindow* all = nullptr;
+  for (const ImGuiWindow* window : ImGui::GetCurrentContext()->Windows) {
+    const std::string_view name(window->Name);
+    if (!window->Active || name.find("/all") == std::string_view::npos) continue;
+    if (name.find("/page") != std::string_view::npos) return *window;
+    all = window;
+  }
+  REQUIRE(all);
+  return *all;
 }
 
 // A place of each widget of the panel.
@@ -560,6 +564,59 @@ TEST_CASE("a window that is too low for what stands above a page scrolls it with
     CHECK((page.Pos.y < 60) == (height < 500));
     if (height < 500) CHECK(page.ScrollMax.y > 200);
   }
+}
+
+TEST_CASE("a list of warnings that is opened in a low window stays open and leaves the page in one place") {
+  for (float height = 400; height <= 560; height += 10) {
+    INFO(height);
+    ViewerState state = fullState();
+    state.scene.warnings.assign(3, std::string(90, 'x') + " " + std::string(90, 'y'));
+    const Interface interface;
+    ImGui::GetIO().DisplaySize.y = height;
+    for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
+    bool opened = false;
+    for (float y = 0; y < height && !opened; y += 4) {
+      const ImGuiID over = interface.hovered(state, {60, y});
+      opened = over != 0 && std::ranges::any_of(ImGui::GetCurrentContext()->Windows,
+                                                [&](ImGuiWindow* window) { return window->GetID("warnings") == over; });
+      for (const bool pressed : {true, false}) {
+        if (opened) (void)interface.hovered(state, {60, y}, pressed);
+      }
+    }
+    REQUIRE(opened);
+    for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
+    std::set<std::pair<float, float>> places;
+    for (int i = 0; i < 4; ++i) {
+      (void)interface.hovered(state, {-1, -1});
+      places.emplace(pageWindow().Pos.y, pageWindow().Size.y);
+    }
+    CHECK(places.size() == 1);
+  }
+}
+
+TEST_CASE("a slider of the page is held on while a head that grows leaves the page little room") {
+  ViewerState state = fullState();
+  state.ui.tab = Tab::camera;
+  const Interface interface;
+  ImGui::GetIO().DisplaySize.y = 700;
+  for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
+  const ImVec2 corner = pageWindow().Pos;
+  ImGuiID held = 0;
+  ImVec2 place;
+  for (float y = corner.y; y < corner.y + 150 && held == 0; y += 4) {
+    place = {corner.x + 20, y};
+    for (int i = 0; i < 2; ++i) (void)interface.hovered(state, place);
+    (void)interface.hovered(state, place, true);
+    held = interface.active();
+    if (held == 0) (void)interface.hovered(state, place);
+  }
+  REQUIRE(held != 0);
+  state.follow.problem = std::string(300, 'x') + " " + std::string(300, 'y');
+  ImGui::GetIO().DisplaySize.y = 400;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, place, true);
+  CHECK(interface.active() == held);
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  CHECK(pageWindow().Pos.y < 60);
 }
 
 TEST_CASE("another page begins at its top, however far the one before was scrolled") {
