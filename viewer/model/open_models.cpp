@@ -446,6 +446,7 @@ void OpenModels::replace(ViewerState& state, int document, Scene scene) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
   if (document == state.documents.shown) return replaceScene(state, std::move(scene));
   Document& hidden = state.documents.open[document];
+  if (scene.cameras != hidden.scene.cameras) hidden.visited = -1;
   hidden.scene = std::move(scene);
   hidden.edit = {};
   hidden.history = {};

@@ -40,6 +40,7 @@ void eachMember(State& s, const Act& act, Part& part, More&... more) {
     act(s.camera.pose, part.pose, more.pose...);
     act(s.camera.lens, part.lens, more.lens...);
     act(s.camera.index, part.index, more.index...);
+    act(s.camera.visited, part.visited, more.visited...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Motion>) {
     act(s.camera.speed, part.speed, more.speed...);
     act(s.camera.fly, part.fly, more.fly...);
@@ -141,7 +142,8 @@ void restore(ViewerState& s, const ViewSnapshot& from, const ViewSnapshot& to) {
   putBack(s, from.motion, to.motion);
   if (putBackWhole(s, from.view, to.view)) {
     s.path.playing = false;
-    if (to.view.camera_lists != s.scene.camera_lists) s.camera.index = -1;  // its number means another camera now
+    // Numbers of another list mean other cameras now.
+    if (to.view.camera_lists != s.scene.camera_lists) s.camera.index = s.camera.visited = -1;
     // The window may have had another shape.
     if (s.camera.index >= 0) {
       s.camera.lens = lensOf(s.scene.cameras[static_cast<std::size_t>(s.camera.index)], s.camera.aspect);
@@ -260,7 +262,7 @@ void recordChanges(ViewerState& state, bool busy, bool flowing) {
   if (!history.last) history.last = now;
   if (busy) return;
   if (now == *history.last) {
-    history.last->view.camera_lists = now.view.camera_lists;
+    history.last->view = now.view;  // with the list and the camera left, which are no step
     return;
   }
   HistoryStep step{stepName(*history.last, now), *history.last,       now,     nullptr,

@@ -30,8 +30,8 @@ struct ViewSnapshot {
   struct View {
     ViewPose pose;
     Lens lens;
-    int index = -1;
-    int camera_lists = 0;  // Scene::camera_lists: of which list `index` is
+    int index = -1, visited = -1;
+    int camera_lists = 0;  // Scene::camera_lists: of which list they are
     // The place alone: the same one from another list is no step.
     bool operator==(const View& other) const {
       return pose == other.pose && lens == other.lens && index == other.index;

@@ -89,10 +89,12 @@ void replaceScene(ViewerState& state, Scene scene) {
   clearInspection(state);  // the numbers are of another model
   forgetModel(state);
   const bool own_box = state.scene.partial && state.display.box == boxOfMeans(state.scene, 0.0);
-  scene.camera_lists = state.scene.camera_lists + (scene.cameras == state.scene.cameras ? 0 : 1);
+  const int lists = state.scene.camera_lists;
+  scene.camera_lists = lists + (scene.cameras == state.scene.cameras ? 0 : 1);
   state.scene = std::move(scene);
+  if (state.scene.camera_lists != lists) state.camera.visited = -1;
   if (own_box) resetCrop(state);  // a part's holds no more than it
-  if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) leaveCamera(state.camera);
+  if (state.camera.index >= static_cast<int>(state.scene.cameras.size())) state.camera.index = -1;
 }
 
 void goToCamera(ViewerState& state, int index) {
@@ -113,6 +115,7 @@ void replaceCameras(ViewerState& state, std::vector<Camera> cameras) {
   TG_ASSERT(!cameras.empty(), "there is a camera to go to");
   state.scene.cameras = std::move(cameras);
   ++state.scene.camera_lists;
+  state.camera.index = state.camera.visited = -1;  // of the list before
   goToCamera(state, startCamera(state.scene.cameras));
 }
 
@@ -165,15 +168,29 @@ void leaveCamera(CameraState& camera) {
 
 int cameraHere(const ViewerState& state) {
   if (state.camera.index >= 0) return state.camera.index;
+  const std::vector<Camera>& cameras = state.scene.cameras;
   const Camera view = toCamera(state.camera.pose, state.camera.lens, 1, 1);
-  const auto at = std::ranges::find_if(
-      state.scene.cameras, [&](const Camera& camera) { return samePlace(camera, view, state.scene.bounds.radius); });
-  return at == state.scene.cameras.end() ? -1 : static_cast<int>(at - state.scene.cameras.begin());
+  const auto here = [&](const Camera& camera) { return samePlace(camera, view, state.scene.bounds.radius); };
+  // Several may be at one place, apart by their lenses: another lens there is of the one that was left.
+  const int last = lastCamera(state);
+  if (last >= 0 && here(cameras[static_cast<std::size_t>(last)])) return last;
+  int nearest = -1;
+  std::pair<double, double> least;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (!here(cameras[i])) continue;
+    const double lens = lensOf(cameras[i], state.camera.aspect).fov_y;
+    const std::pair apart(glm::distance(cameras[i].position(), view.position()),
+                          std::abs(lens - state.camera.lens.fov_y));
+    if (nearest >= 0 && apart >= least) continue;
+    nearest = static_cast<int>(i);
+    least = apart;
+  }
+  return nearest;
 }
 
 int lastCamera(const ViewerState& state) {
   const int last = state.camera.index >= 0 ? state.camera.index : state.camera.visited;
-  return last < static_cast<int>(state.scene.cameras.size()) ? last : -1;  // there may be fewer by now
+  return last < static_cast<int>(state.scene.cameras.size()) ? last : -1;  // a document may have fewer by now
 }
 
 std::filesystem::path freeName(const std::string& stem, const std::string& extension) {

@@ -220,6 +220,60 @@ TEST_CASE("the view is at a model's camera, but for rounding and through any len
   CHECK(cameraHere(state) == -1);
 }
 
+TEST_CASE("of cameras at one place the view is at the one that was left, else at that of the nearest lens") {
+  ViewerState state = stateWithCameras(9);
+  state.scene.cameras[3] = state.scene.cameras[7];
+  state.scene.cameras[3].focal *= 2.0;
+  goToCamera(state, 7);
+  Input input;
+  input.wheel = 1;
+  input.control = true;
+  CHECK(applyInput(state, input, 480));
+  CHECK(state.camera.index == -1);
+  CHECK(cameraHere(state) == 7);
+  for (const int left : {3, 7}) {
+    goToCamera(state, left);
+    const Lens lens = state.camera.lens;
+    goToCamera(state, 1);
+    state.camera.pose = poseOf(state.scene.cameras[static_cast<std::size_t>(left)], upOf(state), state.scene.bounds);
+    state.camera.lens = lens;
+    leaveCamera(state.camera);
+    CHECK(cameraHere(state) == left);
+  }
+}
+
+TEST_CASE("the camera that was left is one of the list that is there, and comes back with its step") {
+  ViewerState state = stateWithCameras(6);
+  Input input;
+  input.left = true;
+  input.drag = {12, -5};
+  recordChanges(state, false, false);
+  for (const int camera : {3, 1}) {
+    goToCamera(state, camera);
+    recordChanges(state, false, false);
+    CHECK(applyInput(state, input, 480));
+    recordChanges(state, false, false);
+  }
+  CHECK(lastCamera(state) == 1);
+  undo(state);
+  undo(state);
+  CHECK(state.camera.index == -1);
+  CHECK(lastCamera(state) == 3);
+  Scene other = state.scene;  // with as many cameras, others
+  std::reverse(other.cameras.begin(), other.cameras.end());
+  replaceScene(state, other);
+  CHECK(lastCamera(state) == -1);
+  recordChanges(state, false, false);
+  redo(state);
+  redo(state);
+  CHECK(lastCamera(state) == -1);
+  goToCamera(state, 4);
+  CHECK(applyInput(state, input, 480));
+  CHECK(lastCamera(state) == 4);
+  replaceCameras(state, std::vector<Camera>(other.cameras));
+  CHECK(state.camera.visited == -1);
+}
+
 TEST_CASE("moving leaves the model's camera, Shift+F comes back to it") {
   ViewerState state = stateWithCameras(2);
   const ViewPose start = state.camera.pose;
