@@ -16,7 +16,10 @@ constexpr double kMaxPitch = 1.55;     // [rad] 88.8 degrees: closer to the pole
 constexpr double kMinDistance = 1e-4;  // [world units]
 constexpr double kMaxDistance = 1e9;
 constexpr std::size_t kBoundsSample = 200'000;
-constexpr double kInner = 0.8, kBeyondInner = 1.1;  // a share of the Gaussians, and bounds against their reach, at most
+constexpr double kInner = 0.8;        // a share of the Gaussians: with bounds that leave the others out,
+constexpr double kBeyondInner = 1.1;  // [reach of the inner] they are that wide
+constexpr double kFar = 2;            // [reach of the inner] what is left out goes at least so far,
+constexpr double kLarge = 0.05;       // [reach of the inner] and half of it has at least that standard deviation
 
 // Columns: two horizontal axes and up.
 glm::dmat3 levelBasis(glm::dvec3 up) {
@@ -71,13 +74,26 @@ SceneBounds sceneBounds(const GaussianModel& model) {
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = model.mean[i * step][axis];
     bounds.center[axis] = quantile(values, 0.5);
   }
-  for (std::size_t i = 0; i < values.size(); ++i) {
+  const auto sigma = [&](std::size_t i) {
     const glm::vec3 s = model.log_scale[i * step];
-    values[i] = glm::length(glm::dvec3(model.mean[i * step]) - bounds.center) +
-                2.0 * std::exp(double{std::max({s.x, s.y, s.z})});
+    return std::exp(double{std::max({s.x, s.y, s.z})});
+  };
+  std::vector<double> reach(values.size());
+  for (std::size_t i = 0; i < reach.size(); ++i) {
+    reach[i] = glm::length(glm::dvec3(model.mean[i * step]) - bounds.center) + 2.0 * sigma(i);
   }
-  // A scene without an end has large Gaussians far behind its subject, which from beyond them is seen through haze.
-  bounds.radius = std::min(quantile(values, 0.95), kBeyondInner * quantile(values, kInner));
+  values = reach;
+  const double inner = quantile(values, kInner);
+  bounds.radius = quantile(values, 0.95);
+  if (bounds.radius > kFar * inner) {
+    // A scene without an end has large Gaussians far behind its subject, which from beyond them is seen through haze.
+    // Small ones are a sparse part of the subject.
+    values.clear();
+    for (std::size_t i = 0; i < reach.size(); ++i) {
+      if (reach[i] > inner) values.push_back(sigma(i));
+    }
+    if (quantile(values, 0.5) > kLarge * inner) bounds.radius = kBeyondInner * inner;
+  }
   bounds.radius = std::clamp(bounds.radius, kMinDistance, kMaxDistance);
   return bounds;
 }

@@ -249,6 +249,17 @@ TEST_CASE("bounds are those of the subject, not of a far background of large Gau
   CHECK(sceneBounds(model).radius < 1.5 * clean.radius);
 }
 
+TEST_CASE("bounds hold the sparse body of a dense head") {
+  GaussianModel model = test::trainedLikeModel(5, 400);
+  test::Random random(6);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const bool head = i % 5 != 0;
+    model.mean[i] = head ? random.uniformVec3(-0.5, 0.5) : random.uniformVec3(-3, 3);
+    model.log_scale[i] = glm::vec3(std::log(head ? 0.005f : 0.015f));
+  }
+  CHECK(sceneBounds(model).radius > 2.5);
+}
+
 TEST_CASE("the sides of a scene are looked at level, around the pivot, with its up at the top") {
   test::Random random(5);
   for (const glm::dvec3 up : {glm::dvec3(0, -1, 0), glm::dvec3(0, 0, 1), glm::dvec3(0, 1, 0)}) {
