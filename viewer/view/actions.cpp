@@ -185,6 +185,11 @@ std::string stemOf(const ViewerState& state) {
   return stem.empty() ? "tgview" : stem;
 }
 
+void savePicture(ViewerState& state) {
+  state.capture.picture = freeName(stemOf(state), ".png");
+  state.capture.dialog.reset();
+}
+
 void saveWindow(ViewerState& state) { state.capture.window = freeName(stemOf(state) + "-window", ".png"); }
 
 using S = ViewerState;
@@ -192,13 +197,7 @@ using S = ViewerState;
 constexpr std::array kBindings = {
     KeyBinding{kControl | 'O', false, "Ctrl+O", "Open a file", ask<FileUse::open>, {}, Menu::file, true},
     KeyBinding{kControl | 'S', false, "Ctrl+S", "Save the model as", ask<FileUse::saveModel>, {}, Menu::file},
-    KeyBinding{'P',
-               false,
-               "P",
-               "Save the picture as PNG",
-               [](S& s) { s.capture.picture = freeName(stemOf(s), ".png"); },
-               {},
-               Menu::file, true},
+    KeyBinding{'P', false, "P", "Save the picture as PNG", savePicture, {}, Menu::file, true},
     KeyBinding{kControl | 'P', false, "Ctrl+P", "Save the picture as", ask<FileUse::savePicture>, {}, Menu::file},
     KeyBinding{'P', true, "Shift+P", "Save the whole window as PNG", saveWindow, {}, Menu::file},
     KeyBinding{'C', false, "C", "Save the camera as JSON", saveCamera, {}, Menu::file, true},

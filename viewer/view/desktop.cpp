@@ -150,7 +150,7 @@ void discardUnsaved(ViewerState& state) {
 
 void sayNotWritten(ViewerState& state, std::optional<FileDialog> dialog, const std::string& problem) {
   state.messages.notice_until = 0;
-  if (!dialog || isModal(state)) {
+  if (!dialog || isModal(state) || state.desktop.wanted) {
     state.messages.error = problem;
     return;
   }

@@ -58,7 +58,6 @@ struct DesktopState {
   bool stays_open = false;                                              // what is being saved closes nothing any more
   bool fullscreen = false;
   std::optional<glm::ivec2> turn_about;  // [px] of the picture: what is seen there is to be the pivot
-  std::optional<FileDialog> of_picture;  // what the picture that is being written was chosen in
   bool copy = false, paste = false;      // the camera, by the clipboard
   bool bookmarks_kept = false;           // between runs, so that none is lost
   CameraPath kept_path;                  // as it was read or saved last

@@ -149,6 +149,7 @@ struct StreamState {
 // What to write after the next complete frame. Empty paths: nothing.
 struct CaptureRequest {
   std::filesystem::path picture;  // .png: the renderer's image alone
+  std::optional<FileDialog> dialog;  // that it was chosen in
   std::filesystem::path window;   // .png: all that is on screen, panels included
   std::filesystem::path camera;   // .json: the picture's camera, for --camera
 };

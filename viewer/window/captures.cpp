@@ -25,7 +25,9 @@ std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, 
   std::filesystem::path saved;
   if (!capture.picture.empty()) {
     if (!picture) throw Error(ErrorKind::usage, "there is no picture to save: open a model");
+    state.capture.dialog = capture.dialog;  // of what is being written
     writeImage(capture.picture, pictureOnScreen(*picture, state.compare.how, screen));
+    state.capture.dialog.reset();
     saved = capture.picture;
   }
   if (!capture.window.empty()) {

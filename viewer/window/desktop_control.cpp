@@ -190,7 +190,7 @@ void DesktopControl::useFile(ViewerState& state, const FileDialog& dialog) {
       break;
     case FileUse::savePicture:
       state.capture.picture = file;
-      desktop.of_picture = dialog;
+      state.capture.dialog = dialog;
       break;
     case FileUse::savePath:
       state.path.file = file.string();
@@ -211,7 +211,10 @@ void DesktopControl::saveModel(ViewerState& state, const std::filesystem::path& 
                                const std::filesystem::path& file, std::optional<Closing> after,
                                std::optional<FileDialog> dialog) {
   const int document = documentOf(state, model);
-  if (document < 0) return;
+  if (document < 0) {
+    state.messages.error = model.string() + ": is not saved (expected an open model, found that it was closed)";
+    return;
+  }
   const bool shown = document == state.documents.shown;
   const Document& open = state.documents.open[static_cast<std::size_t>(document)];
   const EditState& edit = shown ? state.edit : open.edit;
@@ -228,7 +231,9 @@ void DesktopControl::takeSaved(ViewerState& state) {
     orders_.pop_front();
     if (!news->problem.empty()) {
       if (quiet_) throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
-      if (order.dialog && !isModal(state)) state.desktop.after_saving = order.after;
+      // A dialog for a model that has been closed could save nothing.
+      if (order.dialog && documentOf(state, order.dialog->model) < 0) order.dialog.reset();
+      if (order.dialog && !isModal(state) && !state.desktop.wanted) state.desktop.after_saving = order.after;
       sayNotWritten(state, std::move(order.dialog), news->problem);
       state.quit = false;
       continue;

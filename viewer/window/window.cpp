@@ -639,12 +639,11 @@ void Viewer::drawFrame() {
 void Viewer::capture() {
   try {
     const std::filesystem::path saved = writeCaptures(state_, picture_.get(), pictureSize(), graphics_->screen());
-    if (!saved.empty()) state_.desktop.of_picture.reset();
     if (saved.empty() || script_) return;  // a script's next picture must not show it
     notify(state_, "Saved " + absolutePath(saved).string());
   } catch (const Error& error) {
     if (script_) throw;
-    sayNotWritten(state_, std::exchange(state_.desktop.of_picture, std::nullopt), error.what());
+    sayNotWritten(state_, std::exchange(state_.capture.dialog, std::nullopt), error.what());
     frames_since_event_ = 0;
   }
 }

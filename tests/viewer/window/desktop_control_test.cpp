@@ -11,6 +11,7 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "viewer/keys.h"
 #include "viewer/view/path_editor.h"
 
 using namespace tg;
@@ -72,6 +73,47 @@ TEST_CASE("what cannot be written brings its dialog back with the name and the r
     CHECK_FALSE(state.desktop.dialog);
     CHECK(state.documents.close_request == 0);
   }
+}
+
+TEST_CASE("a model that could not be written and was closed meanwhile is an error and brings no dialog back") {
+  const TemporaryFolder folder;
+  ViewerState state = stateWithModel();
+  DesktopControl control({}, [] {});
+  choose(state, FileUse::saveModel, folder.path, "missing/named.tgz");
+  (void)control.update(state, nullptr, {64, 48});
+  CHECK(state.desktop.saving);
+  state.documents.open.clear();
+  state.documents.shown = -1;
+  state.scene = {};
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (state.desktop.saving && std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    (void)control.update(state, nullptr, {64, 48});
+  }
+  CHECK_FALSE(state.desktop.dialog);
+  CHECK_THAT(state.messages.error, Contains("named.tgz"));
+  // The same where it is closed before the name is chosen.
+  state.messages.error.clear();
+  choose(state, FileUse::saveModel, folder.path, "named.tgz");
+  state.desktop.dialog->model = "tiny.tgz";
+  (void)control.update(state, nullptr, {64, 48});
+  CHECK_THAT(state.messages.error, Contains("tiny.tgz"));
+}
+
+TEST_CASE("what cannot be written while another dialog is asked for is an error of the window") {
+  ViewerState state = stateWithModel();
+  state.desktop.wanted = FileUse::open;
+  sayNotWritten(state, FileDialog{}, "a.tgz: no room");
+  CHECK(state.messages.error == "a.tgz: no room");
+  CHECK_FALSE(state.desktop.dialog);
+}
+
+TEST_CASE("a picture of the key P is of no dialog") {
+  ViewerState state = stateWithModel();
+  state.capture.dialog.emplace();
+  test::press(state, 'P');
+  CHECK_FALSE(state.capture.picture.empty());
+  CHECK_FALSE(state.capture.dialog);
 }
 
 TEST_CASE("what cannot be written beside another dialog is an error of the window") {
