@@ -126,7 +126,7 @@ void recordSection(ViewerState& state) {
   std::string out = record.out.string();
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   if (textField("##out", out, "out.mp4, frames/####.png or a folder")) record.out = out;
-  fileHint(record.out, ".mp4, .mov, .mkv, .webm (with ffmpeg), frames/####.png, or a folder\n");
+  fileHint(record.out, ".mp4, .mov, .mkv, .webm (with ffmpeg), frames/####.png, or a folder");
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
   ImGui::SetNextItemWidth(half);

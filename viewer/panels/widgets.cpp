@@ -23,13 +23,35 @@ void heading(const char* text) {
   ImGui::TextDisabled("%s", text);
 }
 
+namespace {
+
+ImGuiID dueId() { return ImHashStr("hint is due"); }
+
+// The pointer has been over the item for that long. Dear ImGui times what has an ID; a text has a place.
+bool hasRested() {
+  const ImGuiContext& context = *ImGui::GetCurrentContext();
+  if (context.HoveredId != 0) return context.HoveredIdTimer >= kHintDelay;
+  ImGuiStorage& kept = *ImGui::GetStateStorage();
+  const ImVec2 corner = ImGui::GetItemRectMin();
+  const ImGuiID last = ImHashData(&corner, sizeof corner), begin = ImHashStr("begin", 0, last);
+  const auto now = static_cast<float>(ImGui::GetTime());
+  if (kept.GetInt(last, -2) < context.FrameCount - 1) kept.SetFloat(begin, now);
+  kept.SetInt(last, context.FrameCount);
+  const bool rested = now - kept.GetFloat(begin) >= kHintDelay;
+  if (!rested && context.HoveredWindow) context.HoveredWindow->StateStorage.SetInt(dueId(), context.FrameCount);
+  return rested;
+}
+
+}  // namespace
+
 bool hintIsDue() {
   const ImGuiContext& context = *ImGui::GetCurrentContext();
-  return context.HoveredId != 0 && context.HoveredIdTimer < kHintDelay;
+  if (context.HoveredId != 0) return context.HoveredIdTimer < kHintDelay;
+  return context.HoveredWindow && context.HoveredWindow->StateStorage.GetInt(dueId(), -1) == context.FrameCount;
 }
 
 void hint(const char* text) {
-  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) || hintIsDue()) return;
+  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled) || !hasRested()) return;
   ImGui::BeginTooltip();
   const float room = ImGui::GetIO().DisplaySize.x - 2 * ImGui::GetStyle().WindowPadding.x;
   ImGui::PushTextWrapPos(std::min(kHintFonts * ImGui::GetFontSize(), room));
@@ -39,8 +61,10 @@ void hint(const char* text) {
 }
 
 void fileHint(const std::filesystem::path& file, const std::string& words) {
-  if (!ImGui::IsItemHovered() || file.empty()) return;
-  hint((words + "That is " + printable(absolutePath(file).string())).c_str());
+  if (!ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) return;
+  std::string text = words;
+  if (!file.empty()) text += (words.empty() ? "" : "\n") + ("That is " + printable(absolutePath(file).string()));
+  if (!text.empty()) hint(text.c_str());
 }
 
 namespace {

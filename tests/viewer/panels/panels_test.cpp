@@ -408,6 +408,36 @@ TEST_CASE("a hint that is longer than the window is wide stays inside, as does a
   CHECK(welcome->Pos.x + welcome->Size.x <= Interface::kWidth);
 }
 
+TEST_CASE("hints over words wait, too, and an empty or disabled field of a recording has its hint") {
+  for (const int field : {0, 1, 2}) {
+    INFO(field);
+    ViewerState state = bareState();
+    state.ui.tab = Tab::path;
+    if (field == 1) state.record.out = "";
+    state.record.wanted = field == 2;
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    bool found = false;
+    for (float y = 2; y < 700 && !found; y += 6) {
+      for (int i = 0; i < 2; ++i) {
+        const ImGuiID over = interface.hovered(state, {60, y});
+        const ImGuiID page = ImHashStr("page", 0, pageWindow().ID);
+        found = field == 0 ? over == 0 && isFading() : over == ImHashStr("##out", 0, page);
+      }
+      if (!found) continue;
+      const auto shown = [] {
+        const ImGuiWindow* hint = ImGui::FindWindowByName("##Tooltip_00");
+        return hint && hint->Active;
+      };
+      CHECK_FALSE(shown());
+      for (int i = 0; i < 60; ++i) (void)interface.hovered(state, {60, y});
+      CHECK(shown());
+      CHECK_FALSE(isFading());
+    }
+    CHECK(found);
+  }
+}
+
 TEST_CASE("outputs are buttons to click once there is a model") {
   for (const bool there : {false, true}) {
     INFO(there);
