@@ -142,7 +142,7 @@ void beginProgress(const ViewerState& state, const char* id, float above) {
 void recording(const ViewerState& state) {
   const RecordState& record = state.record;
   beginProgress(state, "recording", 7.5f);
-  const char* words = record.waits ? "waits, Esc cancels" : "Esc cancels";
+  const char* words = record.waits ? "waits, Shift+R cancels" : "Shift+R cancels";
   const float room = ImGui::GetContentRegionAvail().x - ImGui::CalcTextSize(words).x - ImGui::GetFontSize();
   ImGui::TextUnformatted(cutMiddle("Recording " + printable(record.out.string()), room).c_str());
   ImGui::SameLine();
