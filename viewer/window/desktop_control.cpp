@@ -87,13 +87,15 @@ PixelRect DesktopControl::leaveWindow(GLFWwindow* window) {
   return place;
 }
 
-bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture) {
+bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture, bool busy) {
   DesktopState& desktop = state.desktop;
   const bool modal = isModal(state);
   if (std::exchange(desktop.stays_open, false)) {
     for (Order& order : orders_) order.after.reset();
+    for (auto& [order, problem] : returning_) order.after.reset();
   }
   takeSaved(state);
+  if (!busy) sayReturning(state);
   if (desktop.fullscreen != fullscreen_) setFullscreen(window, desktop.fullscreen);
   if (std::exchange(desktop.copy, false)) {
     copyCamera(state, window, picture);
@@ -111,7 +113,7 @@ bool DesktopControl::update(ViewerState& state, GLFWwindow* window, glm::ivec2 p
   if (desktop.wanted && !desktop.dialog) openDialog(state, *std::exchange(desktop.wanted, std::nullopt));
   // A dialog that was cancelled ends what was to follow.
   if (!desktop.dialog && !desktop.wanted) desktop.after_saving.reset();
-  desktop.saving = !orders_.empty();
+  desktop.saving = !orders_.empty() || !returning_.empty();
   return modal != isModal(state);
 }
 
@@ -231,10 +233,7 @@ void DesktopControl::takeSaved(ViewerState& state) {
     orders_.pop_front();
     if (!news->problem.empty()) {
       if (quiet_) throw Error(static_cast<ErrorKind>(news->error_kind), news->problem);
-      // A dialog for a model that has been closed could save nothing.
-      if (order.dialog && documentOf(state, order.dialog->model) < 0) order.dialog.reset();
-      if (order.dialog && !isModal(state) && !state.desktop.wanted) state.desktop.after_saving = order.after;
-      sayNotWritten(state, std::move(order.dialog), news->problem);
+      returning_.emplace_back(std::move(order), news->problem);
       state.quit = false;
       continue;
     }
@@ -254,6 +253,16 @@ void DesktopControl::takeSaved(ViewerState& state) {
     }
     noteModelKept(state, news->model, news->revision);
     if (order.after) goOnClosing(state, *order.after);
+  }
+}
+
+void DesktopControl::sayReturning(ViewerState& state) {
+  for (; !returning_.empty(); returning_.pop_front()) {
+    auto& [order, problem] = returning_.front();
+    // A dialog for a model that has been closed could save nothing.
+    if (order.dialog && documentOf(state, order.dialog->model) < 0) order.dialog.reset();
+    if (order.dialog && !isModal(state) && !state.desktop.wanted) state.desktop.after_saving = order.after;
+    sayNotWritten(state, std::move(order.dialog), problem);
   }
 }
 

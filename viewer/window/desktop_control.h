@@ -6,6 +6,8 @@
 #include <functional>
 #include <glm/glm.hpp>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include "viewer/model/model_saver.h"
 #include "viewer/view/options.h"
@@ -23,7 +25,8 @@ class DesktopControl {
 
   // Once a frame, in the window's thread. `picture`: size of the picture's camera [px]. True when something that can be
   // seen has changed.
-  bool update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture);
+  // `busy`: the user drags or types, which a dialog that comes by itself must not take.
+  bool update(ViewerState& state, GLFWwindow* window, glm::ivec2 picture, bool busy = false);
   // Of the window when it is not full screen.
   glm::ivec2 windowSize(GLFWwindow* window) const;
   // Another window comes instead of this one, where this one is when it is not full screen.
@@ -35,6 +38,7 @@ class DesktopControl {
   void saveModel(ViewerState& state, const std::filesystem::path& model, const std::filesystem::path& file,
                  std::optional<Closing> after, std::optional<FileDialog> dialog);
   void takeSaved(ViewerState& state);
+  void sayReturning(ViewerState& state);
   void setFullscreen(GLFWwindow* window, bool on);
 
   // Of the saver, under way.
@@ -48,6 +52,7 @@ class DesktopControl {
   bool fullscreen_ = false;
   glm::ivec2 place_{0}, size_{0};  // of the window before
   std::deque<Order> orders_;
+  std::deque<std::pair<Order, std::string>> returning_;  // not written, and why
   ModelSaver saver_;
 };
 

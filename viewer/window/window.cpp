@@ -65,6 +65,12 @@ bool ofSameModels(const Picture& a, const Picture& b) {
   return a.request.model == b.request.model && other(a) == other(b);
 }
 
+// Drags, holds a key or writes into a field.
+bool userIsBusy() {
+  const ImGuiIO& io = ImGui::GetIO();
+  return io.WantTextInput || ImGui::IsAnyMouseDown() || std::ranges::any_of(io.KeysDown, std::identity());
+}
+
 // Pointer or keyboard did something since the frame before.
 bool heardInput(const Events& events) {
   const ImGuiIO& io = ImGui::GetIO();
@@ -221,7 +227,7 @@ int Viewer::run() {
     if (!timedOnDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
     if (!visible) {
       glfwWaitEventsTimeout(0.1);
-      if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize());
+      if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize(), userIsBusy());
       continue;
     }
     state_.time = glfwGetTime();

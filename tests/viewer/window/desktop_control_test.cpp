@@ -75,6 +75,25 @@ TEST_CASE("what cannot be written brings its dialog back with the name and the r
   }
 }
 
+TEST_CASE("a dialog does not come back by itself while the user drags or types") {
+  const TemporaryFolder folder;
+  ViewerState state = stateWithModel();
+  DesktopControl control({}, [] {});
+  choose(state, FileUse::saveModel, folder.path, "missing/named.tgz");
+  for (int i = 0; i < 30; ++i) {
+    (void)control.update(state, nullptr, {64, 48}, true);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  CHECK_FALSE(state.desktop.dialog);
+  CHECK(state.desktop.saving);
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (!state.desktop.dialog && std::chrono::steady_clock::now() < end) {
+    (void)control.update(state, nullptr, {64, 48});
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  CHECK(state.desktop.dialog);
+}
+
 TEST_CASE("a model that could not be written and was closed meanwhile is an error and brings no dialog back") {
   const TemporaryFolder folder;
   ViewerState state = stateWithModel();
