@@ -259,6 +259,7 @@ void DesktopControl::takeSaved(ViewerState& state) {
 void DesktopControl::sayReturning(ViewerState& state) {
   for (; !returning_.empty(); returning_.pop_front()) {
     auto& [order, problem] = returning_.front();
+    state.quit = false;  // who left meanwhile is to hear of it, too
     // A dialog for a model that has been closed could save nothing.
     if (order.dialog && documentOf(state, order.dialog->model) < 0) order.dialog.reset();
     if (order.dialog && !isModal(state) && !state.desktop.wanted) state.desktop.after_saving = order.after;

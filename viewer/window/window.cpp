@@ -227,7 +227,7 @@ int Viewer::run() {
     if (!timedOnDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
     if (!visible) {
       glfwWaitEventsTimeout(0.1);
-      if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize(), userIsBusy());
+      if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize());
       continue;
     }
     state_.time = glfwGetTime();
@@ -244,7 +244,7 @@ int Viewer::run() {
     setTitle();
     if (runs_.update(state_, pictureArea().size)) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
-    if (desktop_.update(state_, graphics_->window(), pictureSize())) frames_since_event_ = 0;
+    if (desktop_.update(state_, graphics_->window(), pictureSize(), userIsBusy())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
     }
