@@ -1,4 +1,4 @@
-# Makes a static library one object of which only names with NAMESPACE are seen from outside: cmake -DARCHIVE= 
+# Makes a static library one object of which only names with NAMESPACE are seen from outside: cmake -DARCHIVE=
 # -DNAMESPACE= -DCOMPILER= -DFLAGS= -DNM= -DOBJCOPY= -DAR= -P hide_names.cmake. Where a step fails, it stays as
 # it is and one line says so.
 cmake_minimum_required(VERSION 3.24)
@@ -21,6 +21,7 @@ macro(step)
   if(NOT result STREQUAL 0)
     string(STRIP "${said}" said)
     string(REGEX REPLACE "[ \n]*\n[ \n]*" "; " said "${result}\n${said}")
+    string(REPLACE "\\" "/" said "${said}")  # which would be read again as an escape
     give_up("${ARGV0}: ${said}")
   endif()
 endmacro()

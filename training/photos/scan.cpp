@@ -184,6 +184,10 @@ PhotographList findPhotographs(const fs::path& folder, std::size_t most_files) {
       leaveOut("a link to or above what is looked into anyway");
       continue;
     }
+    if (is_link && isWithin(place, input)) {  // hidden, or the work folder of another command
+      leaveOut("a link into what is left out");
+      continue;
+    }
     Walk walk = walkThrough(walks[i], place, folder, entered, most_files - files);
     if (files + walk.files > most_files) {
       const std::string many = "too many files" + atMost(most_files, files + walk.files);
