@@ -16,8 +16,8 @@
 namespace tg {
 namespace {
 
-// [bytes of pixels in a byte of file]. Pictures of one colour reach 95,000: beyond 16 Mi pixels they are
-// refused where nobody expects as many.
+// [bytes of pixels in a byte of file]. Pictures of one colour reach 95,000: beyond 16 Mi pixels
+// they are refused where nobody expects as many.
 constexpr std::int64_t kMaxRatio = 4000;
 constexpr int kEffort =
     6;  // of 0 to 9: 9 takes 70 times as long for 0.06 % of lego with textures (docs/lab/converter.md)

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
+#include <initializer_list>
 #include <memory>
 #include <vector>
 
@@ -74,6 +75,13 @@ tg::Image picture() {
     for (int x = 0; x < 40; ++x) image.at(x, y, x < 20 ? 0 : 2) = 1;
   }
   return image;
+}
+
+void writePictures(const fs::path& folder, std::initializer_list<const char*> names) {
+  for (const char* name : names) {
+    fs::create_directories((folder / name).parent_path());
+    tg::writeImage(folder / name, picture());
+  }
 }
 
 void writeJpegWithExif(const fs::path& path, const Bytes& block) {
@@ -469,10 +477,7 @@ TEST_CASE("photographs and masks are the same however their folder is spelled", 
 
 TEST_CASE("links to folders are followed once and never in circles", "[photos]") {
   const tg::TemporaryFolder folder;
-  for (const char* name : {"in/sub/a.jpg", "in/.hidden/d.jpg", "more/b.jpg", "more/deep/c.jpg"}) {
-    fs::create_directories((folder / name).parent_path());
-    tg::writeImage(folder / name, picture());
-  }
+  writePictures(folder.path, {"in/sub/a.jpg", "in/.hidden/d.jpg", "more/b.jpg", "more/deep/c.jpg"});
   fs::create_directory_symlink(".hidden", folder / "in/shown");
   fs::create_directory_symlink("../more", folder / "in/link");
   fs::create_directory_symlink("../more", folder / "in/link again");
@@ -488,10 +493,7 @@ TEST_CASE("links to folders are followed once and never in circles", "[photos]")
 
 TEST_CASE("a link to a folder around another that is linked gives what else is in it", "[photos]") {
   const tg::TemporaryFolder folder;
-  for (const char* name : {"in/a.jpg", "trip/b.jpg", "trip/best/c.jpg", "trip/other/d.jpg"}) {
-    fs::create_directories((folder / name).parent_path());
-    tg::writeImage(folder / name, picture());
-  }
+  writePictures(folder.path, {"in/a.jpg", "trip/b.jpg", "trip/best/c.jpg", "trip/other/d.jpg"});
   fs::create_directory_symlink("../trip/best", folder / "in/best");
   fs::create_directory_symlink("../trip", folder / "in/trip");
   fs::create_directory_symlink("../trip/other", folder / "in/within");
@@ -504,10 +506,7 @@ TEST_CASE("a link to a folder around another that is linked gives what else is i
 
 TEST_CASE("a link to too many files is left out and a folder with them is an error", "[photos]") {
   const tg::TemporaryFolder folder;
-  for (const char* name : {"in/a.jpg", "in/b.jpg", "many/c.jpg", "many/d.jpg", "many/e.jpg", "more/f.jpg"}) {
-    fs::create_directories((folder / name).parent_path());
-    tg::writeImage(folder / name, picture());
-  }
+  writePictures(folder.path, {"in/a.jpg", "in/b.jpg", "many/c.jpg", "many/d.jpg", "many/e.jpg", "more/f.jpg"});
   fs::create_directory_symlink("../many", folder / "in/many");
   fs::create_directory_symlink("../more", folder / "in/more");
   const tg::PhotographList list = tg::findPhotographs(folder / "in", 4);
