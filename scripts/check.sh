@@ -3,7 +3,7 @@
 # asan: memory and undefined behaviour, tsan: threads, fuzz: every target for N seconds (60) from fuzz/corpus
 # (scripts/fuzz_night.py is for more); tidy runs when it is named.
 # Each builds in build-NAME and keeps what it built, its log (check.log) and its fuzz corpus: go on with --only.
-# All but debug need clang-19, clang-tidy-19 and libclang-rt-19-dev.
+# Installs what that needs first: the tests' packages and, but for debug alone, clang 19.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
@@ -24,6 +24,7 @@ case $seconds in
   *[!0-9]*) echo "check.sh: --seconds $seconds (expected an integer from 1 on)" >&2 && exit 1 ;;
 esac
 [ ${#names[@]} -gt 0 ] || names=(debug asan tsan fuzz)
+if [ "${names[*]}" = debug ]; then scripts/install_packages.sh test; else scripts/install_packages.sh check; fi || exit 1
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-$(mktemp -d)}"
 
 fuzz() {

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|package|test]`: package =
-# build + what packages.sh runs, test = build + what the tests run, among it a CUDA compiler where PyPI can be reached.
+# Installs the Debian / Ubuntu packages that are not there yet: `install_packages.sh [build|package|test|check]`: package
+# = build + what packages.sh runs, test = build + what the tests run, among it a CUDA compiler where PyPI can be reached,
+# check = test + clang for check.sh.
 set -euo pipefail
 case "${1:-build}" in
-  build | package | test) ;;
+  build | package | test | check) ;;
   -h | --help) sed -n '2,/^[^#]/s/^# //p' "$0" && exit ;;
-  *) echo "install_packages.sh: no such set: $1 (expected build, package or test)" >&2 && exit 1 ;;
+  *) echo "install_packages.sh: no such set: $1 (expected build, package, test or check)" >&2 && exit 1 ;;
 esac
 
 build_packages=(build-essential cmake ninja-build pkg-config ccache
@@ -20,10 +21,14 @@ test_packages=(catch2 librapidcheck-dev appstream desktop-file-utils shared-mime
   xdotool openbox imagemagick spirv-cross python3 python3-venv
   python3-dev python3-numpy pybind11-dev curl zsh fish mandoc
   libopenmpi-dev openmpi-bin)
+check_packages=(clang-19 clang-tidy-19 libclang-rt-19-dev)
 
 packages=("${build_packages[@]}" "${photo_packages[@]}")
 [ "${1:-build}" = package ] && packages+=("${package_packages[@]}")
-[ "${1:-build}" = test ] && packages+=("${test_packages[@]}")
+tests=no
+if [ "${1:-build}" = test ] || [ "${1:-build}" = check ]; then tests=yes; fi
+[ $tests = yes ] && packages+=("${test_packages[@]}")
+[ "${1:-build}" = check ] && packages+=("${check_packages[@]}")
 
 if ! command -v apt-get >/dev/null; then
   echo "No apt-get here. These Debian packages, or their equivalents, are needed: ${packages[*]}" >&2
@@ -31,7 +36,7 @@ if ! command -v apt-get >/dev/null; then
 fi
 # Since 1.17 libheif reads and writes HEIC by packages of their own, which older releases do not have.
 plugins=(libheif-plugin-libde265)
-[ "${1:-build}" = test ] && plugins+=(libheif-plugin-x265)
+[ $tests = yes ] && plugins+=(libheif-plugin-x265)
 
 add_missing() {
   dpkg-query -W -f='${Status}' "$1" 2>/dev/null | grep -q 'ok installed' || missing+=("$1")
@@ -59,7 +64,7 @@ if [ ${#missing[@]} -gt 0 ]; then
   DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
 
-if [ "${1:-build}" = test ] && ! command -v nvcc >/dev/null; then
+if [ $tests = yes ] && ! command -v nvcc >/dev/null; then
   "$(dirname "$0")/install_cuda.sh" ||
     echo "CUDA is not compiled in this build: its compiler could not be installed." >&2
 fi
