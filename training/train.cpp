@@ -118,21 +118,26 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   const bool timed = given(is({"iterations", "densify-until"}));
   const bool textured_start = start && isTextured(*start);
   if (!given(is({"sh-degree"}))) settings.sh_degree = start ? start->sh_degree : kPlannedShDegree;
-  const bool plain =
+  const double part = partOfSog(options.output);
+  const bool unasked =
       !speaks_of_textures || settings.texture_mode == TextureMode::none || settings.texture_iterations == 0;
-  if (plain && !textured_start && (settings.iterations > 0 || settings.texture_iterations == 0)) {
+  bool plain = unasked && !textured_start && (settings.iterations > 0 || settings.texture_iterations == 0);
+  bool too_small = false;  // for textures: more Gaussians show more
+  if (!plain && settings.texture_mode != TextureMode::none && shares && !textured_start && !dealt_out &&
+      !given(is({"texture-dictionary", "texture-sizes"}))) {
+    const int side = sized ? settings.texture_size : kPlannedTextureSize;
+    settings.texture_dictionary = planSharedTextures(options.target_bytes, part, side);
+    too_small = settings.texture_dictionary == 0 && settings.iterations > 0 && !settings.compare_untextured && !sized;
+    plain = too_small;
+  }
+  if (plain) {
     settings.texture_mode = TextureMode::none;
-    if (!timed) {
+    if (!timed || too_small) {
       settings.densify_until = makeSchedule(settings).densify_until;  // what is longer is for what stands
       settings.iterations += settings.texture_iterations;
     }
   }
   const bool textured = settings.texture_mode != TextureMode::none;
-  const double part = partOfSog(options.output);
-  if (textured && shares && !textured_start && !dealt_out && !given(is({"texture-dictionary", "texture-sizes"}))) {
-    const int side = sized ? settings.texture_size : kPlannedTextureSize;
-    settings.texture_dictionary = planSharedTextures(options.target_bytes, part, side);
-  }
   const bool dictionary = textured && settings.texture_dictionary > 0;
   if (dictionary && !textured_start && !sized) settings.texture_size = kPlannedTextureSize;
   const SizePlan plan =
@@ -149,6 +154,10 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   std::string said =
       formatted("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
   if (planned) said += formatted(", %zu Gaussians", settings.gaussians);
+  if (counted && !textured_start && settings.percent == 0 && settings.gaussians > plan.gaussians) {
+    said += formatted(", %zu Gaussians, whose numbers will be coarser than those of the %zu it has room for",
+                      settings.gaussians, plan.gaussians);
+  }
   const bool merges = settings.iterations > 0 && makeSchedule(settings).merge_after > 0;
   const std::size_t grown = grownLimit(settings.gaussians, training_pixels);
   if (planned && merges && grown > settings.gaussians) {
@@ -156,6 +165,7 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   }
   if (cut) said += formatted(", %.1f texels each", plan.texels);
   if (dictionary) said += formatted(", %d textures that they share", settings.texture_dictionary);
+  if (too_small) said += ", no textures, for which so small a file has no room (--adaptive-texels N asks for them)";
   return said;
 }
 
@@ -168,6 +178,8 @@ void planQuantizing(const TrainFlags& options, const GaussianModel* start, Train
                 "--quantize-iterations is for a file of coarser numbers (expected --target-size or --steps)");
   }
   const auto says = [](std::string_view name) { return name == "quantize-iterations"; };
+  const auto degree = [](std::string_view name) { return name == "sh-degree"; };
+  if (options.steps > 0 && start && !given(options, settings, degree)) settings.sh_degree = start->sh_degree;
   if (!coarse || settings.compare_untextured || given(options, settings, says)) return;
   const bool textured = settings.texture_mode != TextureMode::none;
   const int plain = start && isTextured(*start) ? 0 : settings.iterations;

@@ -11,6 +11,7 @@
 
 #include "converter/edit/quality.h"
 #include "converter/edit/target.h"
+#include "converter/gltf/axes.h"
 #include "converter/gltf/meshopt.h"
 #include "converter/registry/file_format.h"
 #include "core/file/atomic_files.h"
@@ -18,6 +19,7 @@
 #include "core/model/equivalent_axes.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
+#include "core/system/parallel.h"
 
 namespace tg {
 
@@ -144,6 +146,12 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
     stored = select(stored, place);
   }
   renameAxesTowards(stored, model.rotation);
+  if (!model.atlas.rects.empty()) {
+    parallelFor(static_cast<std::int64_t>(model.size()), 1024, [&](std::int64_t i) {
+      if (model.atlas.rects[i].texelCount() == 0) return;
+      orderAxesForNormal(gltfAxisOrder(model.log_scale[i]).z, stored.log_scale[i], stored.rotation[i]);
+    });
+  }
   return stored;
 }
 

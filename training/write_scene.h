@@ -20,7 +20,8 @@ struct SceneSize {
   float steps = 0;          // of the format; 0: its own, or the finest for `bytes`
 };
 
-// `model` as a file at `path` will hold it, in its own order and with its own names of axes. Where `steps` are 0 it
+// `model` as a file at `path` will hold it, in its own order and with its own names of axes: each attribute is near the
+// model's own, and may take its place alone. Where `steps` are 0 it
 // first sets them: the finest with which `bytes` are not exceeded, with a hundredth of them to spare for what training
 // still changes where there is so much room. Throws Error(usage) where no steps bring it to that size, and what the
 // writers throw.

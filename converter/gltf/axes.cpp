@@ -161,6 +161,19 @@ bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation) {
   return true;
 }
 
+void orderAxesForNormal(int normal, glm::vec3& log_scale, glm::vec4& rotation) {
+  const glm::ivec3 now = gltfAxisOrder(log_scale);
+  if (now.z != normal) {
+    glm::ivec3 order(now.z);
+    order[axisU(normal)] = now.x;
+    order[axisV(normal)] = now.y;
+    const glm::vec3 before = log_scale;
+    log_scale = {before[order.x], before[order.y], before[order.z]};
+    rotation = permuted(rotation, order, normal);
+  }
+  if (gltfAxisOrder(log_scale).z != normal) log_scale[normal] -= kTieMargin;
+}
+
 void putNormalFirst(glm::vec3& log_scale, glm::vec4& rotation, int normal) {
   TG_ASSERT(normal >= 0 && normal < 3, "one of three axes");
   const glm::ivec3 order(normal, axisU(normal), axisV(normal));

@@ -46,6 +46,10 @@ void orderAxesForGltf(glm::vec3& log_scale, glm::vec4& rotation);
 // shortest, (z, x, y) where it ties. False when z is not the shortest: the rule then picks other axes.
 bool orderAxesForModel(glm::vec3& log_scale, glm::vec4& rotation);
 
+// The same Gaussian with its texture's normal as axis `normal` of 0, 1 and 2, and u and v on the same axes in space.
+// The normal's scale becomes kTieMargin less where another ties with it and the model's rule would pick that axis.
+void orderAxesForNormal(int normal, glm::vec3& log_scale, glm::vec4& rotation);
+
 // Scales closer than this are taken for a tie: backends compare exp(log_scale) in float, each with its own rounding.
 constexpr float kTieMargin = 1e-5f;  // of ln(sigma)
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // tgtrain and tgeval as users meet them: exit codes, messages, files that are never half written.
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <tuple>
+#include <vector>
 
 #include "core/bundle/bundle.h"
 #include "core/file/file.h"
@@ -198,7 +200,13 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
                                 "--quantize-iterations 0 -o a.sog");
   CHECK_THAT(named.output, Contains("planned for 20000 bytes: SH degree 3") && !Contains("quantized"));
   CHECK_THAT(tgtrain(folder, quick + "a.sog --densification mcmc").output, Contains("SH degree 1, 309 Gaussians\n"));
-  CHECK_THAT(tgtrain(folder, train + "a.sog --gaussians 100").output, Contains("texels each\n"));
+  CHECK_THAT(tgtrain(folder, train + "a.sog --gaussians 100").output,
+             Contains("SH degree 1, no textures, for which so small a file has no room") && !Contains("coarser"));
+  CHECK_THAT(tgtrain(folder, train + "a.sog --adaptive-texels 4").output, !Contains("no textures"));
+  CHECK_THAT(tgtrain(folder, train + "a.sog --texture-size 4").output, Contains("textures that they share\n"));
+  CHECK_THAT(
+      tgtrain(folder, quick + "a.sog --gaussians 500").output,
+      Contains("SH degree 1, 500 Gaussians, whose numbers will be coarser than those of the 309 it has room for\n"));
   const std::string large = "scene --overwrite --iterations 20 --texture-iterations 4 --target-size 60KB -o a.sog ";
   CHECK_THAT(tgtrain(folder, large + "--texture-mode rgba").output,
              Contains(" Gaussians, 64 textures that they share\n"));
@@ -215,6 +223,12 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   REQUIRE(tgtrain(folder, "scene --iterations 9 --sh-degree 2 --texture-mode none -o two.tgz").code == 0);
   CHECK_THAT(tgtrain(folder, "scene --preset quick --target-size 20KB -o d.sog --start-model two.tgz").output,
              Contains("planned for 20000 bytes: SH degree 2, "));
+  REQUIRE(tgtrain(folder,
+                  "scene --iterations 0 --texture-iterations 0 --quantize-iterations 5 --steps 4 -o e.glb "
+                  "--start-model two.tgz")
+              .code == 0);
+  const std::vector<std::uint8_t> glb = tg::readFile(folder / "e.glb", 1 << 20);
+  CHECK_THAT(std::string(glb.begin(), glb.end()), Contains("SH_DEGREE_2_COEF_4") && !Contains("SH_DEGREE_3"));
   CHECK_THAT(tgtrain(folder, train + "b.glb --sh-degree 3").output, Contains("at least 6720 bytes, found 6000"));
 }
 
@@ -231,7 +245,7 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
   for (const auto& [bytes, flags] :
        std::initializer_list<std::pair<std::uint64_t, std::string>>{{5'000, ""},
                                                                     {6'800, " --sh-degree 3"},
-                                                                    {4'700, " --sh-degree 0 --texture-mode rgba"},
+                                                                    {4'700, " --sh-degree 0 --adaptive-texels 8"},
                                                                     {7'000, " --texture-dictionary 8 --texture-size 4"},
                                                                     {5'400, " --run run"}}) {
     const Outcome trained = tgtrain(folder, train + std::to_string(bytes) + " -o scene.sog" + flags);
