@@ -90,6 +90,7 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
     const std::uintmax_t bytes = std::filesystem::file_size(item.input, missing);
     return missing ? 0 : bytes;
   };
+  requireOpened(outputFormat(report.items.front().output), options);
   for (const BatchItem& item : report.items) total += sizeOf(item);
   std::error_code error;
   if (!options.dry_run) std::filesystem::create_directories(output, error);

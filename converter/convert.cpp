@@ -2,12 +2,15 @@
 // One file to another: read, write, read back, compare.
 #include "converter/convert.h"
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "converter/formats/gaussian_blocks.h"
 #include "converter/html/html.h"
@@ -102,12 +105,22 @@ void writePageBeside(const std::filesystem::path& input, const std::filesystem::
   report.output_bytes = std::filesystem::file_size(file);
 }
 
+bool opens(const ViewerProfile& viewer, const Format& format) {
+  return std::ranges::find(viewer.opens, format.name) != viewer.opens.end();
+}
+
+int newestSpz(const ConvertOptions& options) {
+  return options.viewer ? std::min(kNewestSpz, profileOf(*options.viewer).newest_spz) : kNewestSpz;
+}
+
 // Of the source what is written where it is made for a viewer; `base` lives as long as the options.
 Bundle adaptedBundle(const Bundle& source, const ConvertOptions& asked, const Format& format, GaussianModel& base,
                      WriteOptions& options, ConvertReport& report) {
   if (isTextured(source.model) && format.holds(kKeepsTextures) && !format.is_gltf) {
+    const bool opens_glb = opens(profileOf(*asked.viewer), *findFormat("glb"));
     throw Error(ErrorKind::usage, "--for: a ." + std::string(format.name) +
-                                      " has one base for textures and viewers (expected .glb, .gltf or --no-textures)");
+                                      " has one base for textures and viewers (expected " +
+                                      (opens_glb ? ".glb, .gltf or " : "") + "--no-textures)");
   }
   Adapted adapted = adaptTo(*asked.viewer, source, format.is_gltf, asked.aim);
   report.adapted = adapted.report;
@@ -122,9 +135,39 @@ Bundle adaptedBundle(const Bundle& source, const ConvertOptions& asked, const Fo
 
 }  // namespace
 
+void requireOpened(const Format& format, const ConvertOptions& options) {
+  if (!options.viewer) return;
+  const ViewerProfile& viewer = profileOf(*options.viewer);
+  const auto refuse = [&](const std::string& what) {
+    throw Error(ErrorKind::usage,
+                "--for " + std::string(name(*options.viewer)) + ": " + std::string(viewer.program) + " opens " + what);
+  };
+  if (viewer.opens.empty()) {
+    refuse("splats of 3D Tiles alone, in SPZ inside glTF, which is not written (expected another viewer)");
+  }
+  if (!opens(viewer, format)) {
+    std::vector<std::string> known;
+    for (const std::string_view other : viewer.opens) known.push_back(extensionOf(*findFormat(other)));
+    refuse("no " + extensionOf(format) + " (expected " + listed(known) + ")");
+  }
+  const bool packed = options.meshopt || isInSteps(format, options);
+  if (format.is_gltf && packed && !viewer.opens_meshopt) {
+    refuse("no " + extensionOf(format) + " packed by EXT_meshopt_compression (expected no " +
+           (options.meshopt ? "--meshopt"
+            : options.steps ? "--steps"
+                            : "target") +
+           ")");
+  }
+  if (format.name == "spz" && options.spz_version && *options.spz_version > viewer.newest_spz) {
+    refuse("no .spz of version " + std::to_string(*options.spz_version) + " (expected " +
+           std::to_string(viewer.newest_spz) + ")");
+  }
+}
+
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
   const Format& format = outputFormat(output);
+  requireOpened(format, options);
   if (options.target.given() && !format.has_steps) {
     throw Error(ErrorKind::usage, output.string(), "a target is only for .sog, .glb, .gltf and .html");
   }
@@ -138,7 +181,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                              .meshopt = options.meshopt,
                              .steps = options.steps,
                              .texture_step = options.texture_step,
-                             .spz_version = options.spz_version,
+                             .spz_version = options.spz_version.value_or(newestSpz(options)),
                              .replace = options.overwrite || options.dry_run};
   // To the output, or for a forecast: the exact size comes from the exact bytes, which are written where nobody looks.
   const auto write = [&](const Bundle& source) {

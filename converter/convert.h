@@ -34,7 +34,7 @@ struct ConvertOptions {
   bool meshopt = false;                    // likewise
   std::optional<float> steps = {};         // sog, glb, gltf, html: see WriteOptions
   std::optional<float> texture_step = {};  // likewise
-  int spz_version = kNewestSpz;            // spz: likewise
+  std::optional<int> spz_version = {};     // spz: see WriteOptions; without one the newest that `viewer` opens
   std::optional<SpzAxes> spz_axes = {};    // of an spz that is read: see ReadOptions
   std::vector<Camera> views = {};          // glb, gltf, html: in place of the source's; moved as the model is
   Target target = {};                      // sog, glb, gltf, html: instead of `steps`
@@ -61,10 +61,14 @@ struct ConvertReport : Written {
   std::optional<double> base_psnr;      // [dB] what a reader without textures shows; only for textured sources
 };
 
+// Throws Error(usage) where options.viewer cannot open what would be written.
+void requireOpened(const Format& format, const ConvertOptions& options);
+
 // The output's format is its extension (converter/registry/file_format.h).
-// Throws Error(usage / cannotRead / badData / cannotWrite), usage also for a target that no steps reach and for a .sog
-// with textures that is to be made for a viewer; nothing is written then. A binary PLY becomes a .glb or .gltf block by
-// block where nothing is edited, rendered or packed; other ways hold the model in memory once.
+// Throws Error(usage / cannotRead / badData / cannotWrite), usage also for a target that no steps reach, for what
+// requireOpened refuses and for a .sog with textures that is to be made for a viewer; nothing is written then. A binary
+// PLY becomes a .glb or .gltf block by block where nothing is edited, rendered or packed; other ways hold the model in
+// memory once.
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 

@@ -380,9 +380,9 @@ void addSizes(CLI::App& app, Arguments& arguments) {
          "(the numbers of png8 in fewer bytes)")
       ->check(tg::oneOf<tg::AtlasFormat>());
   app.add_option("--spz-version", arguments.options.spz_version,
-                 "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet")
-      ->check(tg::within(tg::kOldestSpz, tg::kNewestSpz))
-      ->capture_default_str();
+                 "spz: 4 (Zstandard), or 3 (gzip) for programs that do not know it yet; without it 4, or what --for's "
+                 "viewer opens")
+      ->check(tg::within(tg::kOldestSpz, tg::kNewestSpz));
   app.add_option_function<std::string>(
          "--spz-axes",
          [&](const std::string& text) { arguments.options.spz_axes = tg::parse<tg::SpzAxes>(text, "--spz-axes"); },

@@ -62,9 +62,6 @@ Bundle bundleOf(GaussianModel model) {
   return loaded;
 }
 
-// How a file's name ends.
-std::string extensionOf(const Format& format) { return std::string(format.whole_name ? "" : ".").append(format.name); }
-
 Bundle checked(Bundle loaded, const Path& path) {
   checkModel(loaded.model, path.string());
   return loaded;
@@ -424,6 +421,8 @@ std::vector<std::string> outputNames(bool read) {
   std::ranges::sort(names);
   return names;
 }
+
+std::string extensionOf(const Format& format) { return std::string(format.whole_name ? "" : ".").append(format.name); }
 
 std::string listed(const std::vector<std::string>& names) {
   TG_ASSERT(!names.empty(), "something to list");

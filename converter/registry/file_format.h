@@ -91,6 +91,8 @@ std::vector<std::string> inputNames();
 // The extensions, without dots and in alphabetical order, of what is written and, if `read`, can be read again; if not
 // `read`, of what cannot.
 std::vector<std::string> outputNames(bool read);
+// How a file's name ends.
+std::string extensionOf(const Format& format);
 // "a, b or c".
 std::string listed(const std::vector<std::string>& names);
 

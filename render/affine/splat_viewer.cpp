@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What other people's viewers do with a splat, as numbers.
+// What other people's viewers open, and what they do with a splat, as numbers.
 #include "render/affine/splat_viewer.h"
 
 #include <array>
@@ -9,6 +9,13 @@ namespace tg {
 namespace {
 
 constexpr float kRoot8 = 2.82842712f;  // exp(-x^2 / 2) = exp(-4) there
+
+// From the viewers' loaders, and what they showed of our files (docs/lab/browsers.md).
+constexpr std::string_view kThreeOpens[] = {"ply", "splat", "spz", "glb", "gltf"};
+constexpr std::string_view kPlayCanvasOpens[] = {"ply", "compressed.ply", "sog", "lod-meta.json", "glb", "gltf"};
+constexpr std::string_view kBabylonOpens[] = {"ply", "compressed.ply", "splat", "spz",
+                                              "sog", "lod-meta.json",  "glb",   "gltf"};
+constexpr std::string_view kSparkOpens[] = {"ply", "compressed.ply", "splat", "spz", "sog"};
 
 // Where a viewer works in half pixels, its 0.3 or 0.1 is a quarter of that in pixels, and where it works in doubled
 // sigmas, too, a sixteenth.
@@ -21,7 +28,8 @@ constexpr std::array<ViewerProfile, kCount<SplatViewer>> kProfiles = {{
      .most_reach = 2048.0f,
      .guard = 1.4f,
      .near = 0.01f,
-     .order = ViewerOrder::sphereBins},
+     .order = ViewerOrder::sphereBins,
+     .opens = kThreeOpens},
     {.program = "PlayCanvas 2.23.3",
      .source = "playcanvas: src/scene/shader-lib/glsl/chunks/gsplat (gsplatCorner, gsplatCenter, gsplatCommon, gsplat, "
                "containerCompactWrite), src/scene/gsplat-unified/gsplat-params.js",
@@ -33,7 +41,9 @@ constexpr std::array<ViewerProfile, kCount<SplatViewer>> kProfiles = {{
      .reach_in_picture = true,
      .least_reach = 1.0f,
      .least_alpha = 1.0f / 255,
-     .premultiplied = true},
+     .premultiplied = true,
+     .opens = kPlayCanvasOpens,
+     .opens_meshopt = false},
     {.program = "Babylon.js 9.34.0",
      .source = "@babylonjs/core: Shaders/ShadersInclude/gaussianSplatting.js, Meshes/GaussianSplatting; "
                "@babylonjs/loaders 9.28.0: glTF/2.0/Extensions/KHR_gaussian_splatting",
@@ -41,7 +51,8 @@ constexpr std::array<ViewerProfile, kCount<SplatViewer>> kProfiles = {{
      .cut = kRoot8,
      .most_reach = 1024.0f,
      .guard = 1.2f,
-     .near = 0.01f},
+     .near = 0.01f,
+     .opens = kBabylonOpens},
     {.program = "CesiumJS 1.135 (@cesium/wasm-splats 0.1.0-alpha.2)",
      .source = "cesium: packages/engine/Source/Shaders/PrimitiveGaussianSplatVS.glsl, PrimitiveGaussianSplatFS.glsl",
      .blur = 0.3f / 16,
@@ -52,7 +63,8 @@ constexpr std::array<ViewerProfile, kCount<SplatViewer>> kProfiles = {{
      .least_reach = 1.0f,
      .guard = 1.2f,
      .near = 0.01f,
-     .premultiplied = true},
+     .premultiplied = true,
+     .opens = {}},
     {.program = "Spark 2.2.0",
      .source = "@sparkjsdev/spark: splatVertex, splatFragment, packSplatEncoding, SparkRenderer's defaults",
      .blur = 0.3f,
@@ -63,7 +75,9 @@ constexpr std::array<ViewerProfile, kCount<SplatViewer>> kProfiles = {{
      .near = 0.01f,
      .least_alpha = 0.5f / 255,
      .premultiplied = true,
-     .order = ViewerOrder::cameraRadius},
+     .order = ViewerOrder::cameraRadius,
+     .opens = kSparkOpens,
+     .newest_spz = 3},
 }};
 
 }  // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What other people's viewers do with a splat, as numbers, each read from the viewer's own sources.
+// What other people's viewers open, and what they do with a splat, as numbers, each read from the viewer's own sources.
 #pragma once
+#include <span>
 #include <string_view>
 
 #include "core/system/names.h"
@@ -35,6 +36,10 @@ struct ViewerProfile {
   float least_alpha = 0;  // less is not drawn
   bool premultiplied = false;  // colours above white count where alpha is low
   ViewerOrder order = ViewerOrder::depth;
+  // What its own loaders open of what the toolchain writes, by the names of converter/registry/file_format.h.
+  std::span<const std::string_view> opens;
+  bool opens_meshopt = true;  // .glb and .gltf packed by EXT_meshopt_compression
+  int newest_spz = 4;         // version
 };
 
 const ViewerProfile& profileOf(SplatViewer viewer);

@@ -3,6 +3,8 @@
 #include "converter/edit/adapt.h"
 
 #include <cmath>
+#include <set>
+#include <string_view>
 
 #include "converter/convert.h"
 #include "converter/edit/transform.h"
@@ -115,9 +117,57 @@ TEST_CASE("formats without textures get the pieces in place of what is wide") {
   }
   CHECK(test::messageOf(
             [&] { convert(scratch.folder() / "in.tgz", scratch.folder() / "out.sog", {.viewer = SplatViewer::spark}); },
+            ErrorKind::usage) == "--for: a .sog has one base for textures and viewers (expected --no-textures)");
+  CHECK(test::messageOf(
+            [&] {
+              convert(scratch.folder() / "in.tgz", scratch.folder() / "out.sog", {.viewer = SplatViewer::playcanvas});
+            },
             ErrorKind::usage) ==
         "--for: a .sog has one base for textures and viewers (expected .glb, .gltf or --no-textures)");
   CHECK(!std::filesystem::exists(scratch.folder() / "out.sog"));
+}
+
+TEST_CASE("what a viewer cannot open is refused whatever the format or packing and nothing else is") {
+  const auto refused = [](const Format& format, const ConvertOptions& options) {
+    try {
+      requireOpened(format, options);
+      return false;
+    } catch (const Error& error) {
+      CHECK(error.kind == ErrorKind::usage);
+      return true;
+    }
+  };
+  struct Row {
+    SplatViewer viewer;
+    std::set<std::string_view> opens;
+    bool meshopt;
+    int newest_spz;
+  };
+  const Row rows[] = {
+      {SplatViewer::three, {"ply", "splat", "spz", "glb", "gltf"}, true, 4},
+      {SplatViewer::playcanvas, {"ply", "compressed.ply", "sog", "lod-meta.json", "glb", "gltf"}, false, 4},
+      {SplatViewer::babylon, {"ply", "compressed.ply", "splat", "spz", "sog", "lod-meta.json", "glb", "gltf"}, true, 4},
+      {SplatViewer::cesium, {}, true, 4},
+      {SplatViewer::spark, {"ply", "compressed.ply", "splat", "spz", "sog"}, true, 3},
+  };
+  REQUIRE(std::size(rows) == kCount<SplatViewer>);
+  for (const Row& row : rows) {
+    CAPTURE(name(row.viewer));
+    for (const Format& format : formats()) {
+      CAPTURE(format.name);
+      const bool opened = row.opens.contains(format.name);
+      CHECK(refused(format, {.viewer = row.viewer}) == !opened);
+      CHECK(!refused(format, {}));
+      if (!opened) continue;
+      const bool packs = format.is_gltf && !row.meshopt;
+      CHECK(refused(format, {.meshopt = true, .viewer = row.viewer}) == packs);
+      CHECK(refused(format, {.steps = 1.0f, .viewer = row.viewer}) == packs);
+      CHECK(refused(format, {.target = {.bytes = 1000}, .viewer = row.viewer}) == packs);
+      CHECK(!refused(format, {.quantize = true, .texture_step = 0.1f, .viewer = row.viewer}));
+      CHECK(!refused(format, {.spz_version = 3, .viewer = row.viewer}));
+      CHECK(refused(format, {.spz_version = 4, .viewer = row.viewer}) == (format.name == "spz" && row.newest_spz < 4));
+    }
+  }
 }
 
 TEST_CASE("a model without cameras is made for a viewer from a ring around it") {
