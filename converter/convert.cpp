@@ -142,9 +142,6 @@ void requireOpened(const Format& format, const ConvertOptions& options) {
     throw Error(ErrorKind::usage,
                 "--for " + std::string(name(*options.viewer)) + ": " + std::string(viewer.program) + " opens " + what);
   };
-  if (viewer.opens.empty()) {
-    refuse("splats of 3D Tiles alone, in SPZ inside glTF, which is not written (expected another viewer)");
-  }
   if (!opens(viewer, format)) {
     std::vector<std::string> known;
     for (const std::string_view other : viewer.opens) known.push_back(extensionOf(*findFormat(other)));

@@ -197,7 +197,8 @@ constexpr ShapingOption kShapingOptions[] = {
     {"--texture-step", [](const tg::Format& format) { return format.has_steps; }},
     {"--views", [](const tg::Format& format) { return format.is_gltf; }},
     {"--spz-version", [](const tg::Format& format) { return format.name == "spz"; }},
-    {"--for", [](const tg::Format& format) { return format.read && format.name != "tgz" && format.name != "html"; }},
+    {"--for",
+     [](const tg::Format& format) { return format.name != "tgz" && format.name != "html" && format.name != "png"; }},
 };
 
 // What stands before a command would be lost.

@@ -26,7 +26,10 @@ constexpr int kArrayBuffer = 34962;
 
 std::uint64_t aligned(std::uint64_t bytes) { return (bytes + 3) / 4 * 4; }
 
-// A file's name as a relative URI (RFC 3986).
+std::string textOf(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+}  // namespace
+
 std::string uriOf(const std::string& name) {
   constexpr const char* digits = "0123456789ABCDEF";
   std::string uri;
@@ -43,10 +46,6 @@ std::string uriOf(const std::string& name) {
   }
   return uri;
 }
-
-std::string textOf(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
-
-}  // namespace
 
 // Of the three floats of an element.
 struct GltfBuilder::Bounds {

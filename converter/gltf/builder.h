@@ -35,6 +35,9 @@ struct MeshoptFilter {
   bool rounded = false;  // quaternion: `bits` on top of the 16 that the filter can keep, where they pack better
 };
 
+// A file's name as a relative URI (RFC 3986).
+std::string uriOf(const std::string& name);
+
 class GltfBuilder {
  public:
   // Writes a block's elements to `to`, `stride` bytes each, of zero-filled memory. From several threads.

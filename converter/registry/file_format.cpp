@@ -18,6 +18,7 @@
 #include "converter/gltf/document.h"
 #include "converter/gltf/read_gltf.h"
 #include "converter/gltf/write_gltf.h"
+#include "converter/gltf/write_tiles.h"
 #include "converter/html/html.h"
 #include "converter/lod/lod_scene.h"
 #include "converter/lod/write_lod.h"
@@ -124,11 +125,20 @@ void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&,
   warnRepair(written.warnings, splat.clipped_colors, "with a colour outside 0 to 255: clipped");
 }
 
-void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  const SpzReport spz = writeSpz(path, source.model, options.spz_version);
+void warnSpz(const SpzReport& spz, Written& written) {
   warnRepair(written.warnings, spz.clipped_scales, "with a scale outside SPZ's e^-10 to e^5.94: clipped");
   warnRepair(written.warnings, spz.clipped_colors, "with a colour outside SPZ's range: clipped");
   warnRepair(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
+}
+
+void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
+  warnSpz(writeSpz(path, source.model, options.spz_version), written);
+}
+
+void writeBaseTiles(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
+  const TilesReport tiles = writeTiles(path, source.model, options.replace);
+  warnSpz(tiles.spz, written);
+  written.output_bytes = tiles.bytes;
 }
 
 void writePackedPly(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
@@ -339,6 +349,12 @@ constexpr Format kFormats[] = {
      .is_gltf = true,
      .has_base = true,
      .has_steps = true},
+    {.name = kTilesetName,
+     .title = "3D Tiles",
+     .keeps = kKeepsSh,
+     .write = writeBaseTiles,
+     .axes = kGltfAxes,
+     .whole_name = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
 };
 
@@ -483,20 +499,20 @@ bool losesIntersection(const Format& format, const GaussianModel& model) {
 
 void writeModel(const Format& format, const Path& path, const Bundle& source, const WriteOptions& options,
                 Written& written) {
-  const std::string title(format.title);
-  if (format.read && !format.holds(kKeepsCameras) && !source.cameras.empty()) {
+  const std::string title(format.title);  // of what lacks something that is told; "" of a .png
+  if (!title.empty() && !format.holds(kKeepsCameras) && !source.cameras.empty()) {
     written.warnings.push_back(title + " holds no cameras: they are left out");
   }
-  if (format.read && !format.holds(kKeepsViews) && !source.views.empty()) {
+  if (!title.empty() && !format.holds(kKeepsViews) && !source.views.empty()) {
     written.warnings.push_back(title + " holds no named views: they are left out");
   }
-  if (format.read && !format.holds(kKeepsBackground) && source.background != Bundle().background) {
+  if (!title.empty() && !format.holds(kKeepsBackground) && source.background != Bundle().background) {
     written.warnings.push_back(title + " holds no background: it is black for whoever reads the file");
   }
-  if (format.read && !format.holds(kKeepsSh) && source.model.sh_degree > 0) {
+  if (!title.empty() && !format.holds(kKeepsSh) && source.model.sh_degree > 0) {
     written.warnings.push_back(title + " holds no SH: colours are those of degree 0");
   }
-  if (format.read && losesIntersection(format, source.model)) {
+  if (!title.empty() && losesIntersection(format, source.model)) {
     written.warnings.push_back(title + " has no word for the intersection model " +
                                std::string(name(source.model.intersection)) + ": it becomes " +
                                std::string(name(GaussianModel().intersection)));

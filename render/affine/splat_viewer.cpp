@@ -15,6 +15,7 @@ constexpr std::string_view kThreeOpens[] = {"ply", "splat", "spz", "glb", "gltf"
 constexpr std::string_view kPlayCanvasOpens[] = {"ply", "compressed.ply", "sog", "lod-meta.json", "glb", "gltf"};
 constexpr std::string_view kBabylonOpens[] = {"ply", "compressed.ply", "splat", "spz",
                                               "sog", "lod-meta.json",  "glb",   "gltf"};
+constexpr std::string_view kCesiumOpens[] = {"tileset.json"};
 constexpr std::string_view kSparkOpens[] = {"ply", "compressed.ply", "splat", "spz", "sog"};
 
 // Where a viewer works in half pixels, its 0.3 or 0.1 is a quarter of that in pixels, and where it works in doubled
@@ -64,7 +65,7 @@ constexpr std::array<ViewerProfile, kCount<SplatViewer>> kProfiles = {{
      .guard = 1.2f,
      .near = 0.01f,
      .premultiplied = true,
-     .opens = {}},
+     .opens = kCesiumOpens},
     {.program = "Spark 2.2.0",
      .source = "@sparkjsdev/spark: splatVertex, splatFragment, packSplatEncoding, SparkRenderer's defaults",
      .blur = 0.3f,

@@ -147,7 +147,7 @@ TEST_CASE("what a viewer cannot open is refused whatever the format or packing a
       {SplatViewer::three, {"ply", "splat", "spz", "glb", "gltf"}, true, 4},
       {SplatViewer::playcanvas, {"ply", "compressed.ply", "sog", "lod-meta.json", "glb", "gltf"}, false, 4},
       {SplatViewer::babylon, {"ply", "compressed.ply", "splat", "spz", "sog", "lod-meta.json", "glb", "gltf"}, true, 4},
-      {SplatViewer::cesium, {}, true, 4},
+      {SplatViewer::cesium, {"tileset.json"}, true, 4},
       {SplatViewer::spark, {"ply", "compressed.ply", "splat", "spz", "sog"}, true, 3},
   };
   REQUIRE(std::size(rows) == kCount<SplatViewer>);

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// 3D Tiles: what is written, read back as far as it is glTF.
+#include "converter/gltf/write_tiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "converter/check.h"
+#include "converter/convert.h"
+#include "converter/formats/spz.h"
+#include "converter/glb.h"
+#include "converter/scenes.h"
+#include "converter/scratch.h"
+#include "core/bundle/bundle.h"
+#include "core/model/verbs.h"
+#include "support/catch.h"
+#include "support/message_of.h"
+
+using namespace tg;
+using tg::test::SceneKind;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+GaussianModel splats(int degree) {
+  GaussianModel model = withoutTextures(test::makeScene(SceneKind::ordinary, 8, 40).model);
+  setShDegree(model, degree);
+  return model;
+}
+
+std::size_t filesIn(const fs::path& folder) {
+  return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
+}
+
+}  // namespace
+
+TEST_CASE("a tileset names a GLB that is valid and holds the numbers of an SPZ of version 3") {
+  for (const int degree : {0, 1, 2, 3}) {
+    CAPTURE(degree);
+    const Scratch scratch;
+    const GaussianModel model = splats(degree);
+    const fs::path path = scratch.folder() / "new/tileset.json";
+    const TilesReport report = writeTiles(path, model);
+    const fs::path content = scratch.folder() / "new/content.glb";
+    CHECK(report.bytes == fs::file_size(path) + fs::file_size(content));
+    CHECK(checkFile(content).errors.empty());
+    writeSpz(scratch.folder() / "direct.spz", model, 3);
+    const GaussianModel direct = readModel(scratch.folder() / "direct.spz").model;
+    const GaussianModel back = readModel(content).model;
+    CHECK(back.sh_degree == degree);
+    REQUIRE(back.size() == direct.size());
+    CHECK(back.mean == direct.mean);
+    CHECK(back.log_scale == direct.log_scale);
+    for (std::size_t i = 0; i < back.size(); ++i) {  // glTF's reader takes opacities, not logits
+      CHECK(back.opacity_logit[i] == Approx(direct.opacity_logit[i]).margin(1e-5));
+    }
+    CHECK(back.sh == direct.sh);
+    const Glb glb = Glb::read(content);
+    CHECK(glb.bin.starts_with("\x1f\x8b"));  // gzip: version 4 has none
+    // CesiumJS counts these attributes to know the degree.
+    const auto& attributes = glb.json["meshes"][0]["primitives"][0]["attributes"];
+    CHECK(attributes.size() == 4 + static_cast<std::size_t>((degree + 1) * (degree + 1) - 1));
+    const auto tileset = nlohmann::json::parse(Glb::slurp(path));
+    CHECK(tileset["root"]["content"]["uri"] == "content.glb");
+    CHECK(tileset["extensions"]["3DTILES_content_gltf"]["extensionsRequired"] == glb.json["extensionsRequired"]);
+  }
+}
+
+TEST_CASE("a tile is bounded by all that its splats reach with z up on either side of that axis") {
+  const Scratch scratch;
+  GaussianModel model = select(splats(0), std::vector<std::uint32_t>{0, 1});
+  model.mean = {{5.0f, -7.0f, 1.0f}, {0.0f, 1.0f, 0.0f}};  // 7 above the middle and 1 below it
+  model.log_scale.assign(2, glm::vec3(0.0f));
+  model.log_scale[0].y = 100.0f;  // SPZ ends at e^5.94
+  writeTiles(scratch.folder() / "tileset.json", model);
+  const auto boxIn = [](const fs::path& path) {
+    return nlohmann::json::parse(Glb::slurp(path))["root"]["boundingVolume"]["box"].get<std::vector<double>>();
+  };
+  const double wide = 3 * std::exp(5.9375);
+  std::vector<double> box = boxIn(scratch.folder() / "tileset.json");
+  REQUIRE(box.size() == 12);
+  CHECK(box[3] == Approx(5 + wide));
+  CHECK(box[7] == Approx(5 + wide));
+  CHECK(box[2] + box[11] == Approx(7 + wide));
+  model.log_scale[0].y = 0.0f;
+  writeTiles(scratch.folder() / "tileset.json", model);
+  box = boxIn(scratch.folder() / "tileset.json");
+  CHECK(box == std::vector<double>{0, 0, 3, 8, 0, 0, 0, 8, 0, 0, 0, 7});
+}
+
+TEST_CASE("a tileset that cannot be written leaves nothing behind") {
+  const Scratch scratch;
+  const GaussianModel model = splats(0);
+  const auto failed = [&](const fs::path& path, ErrorKind kind, const GaussianModel& what, bool replace = true) {
+    return test::messageOf([&] { writeTiles(path, what, replace); }, kind);
+  };
+  const fs::path folder = scratch.folder() / "out";
+  GaussianModel far = model;
+  far.mean[0].x = 1e30f;
+  CHECK(!failed(folder / "tileset.json", ErrorKind::badData, far).empty());
+  CHECK(!failed(folder / "tileset.json", ErrorKind::badData, GaussianModel()).empty());
+  CHECK(!fs::exists(folder));
+  // Its own folder is made, not those above; a file is none.
+  CHECK(!failed(folder / "deeper/tileset.json", ErrorKind::cannotWrite, model).empty());
+  CHECK(!fs::exists(folder));
+  const fs::path file = scratch.write("file", "mine");
+  CHECK(!failed(file / "tileset.json", ErrorKind::cannotWrite, model).empty());
+  CHECK(Glb::slurp(file) == "mine");
+  // What stands in the way of one of the two.
+  fs::create_directories(folder / "content.glb/full");
+  CHECK(!failed(folder / "tileset.json", ErrorKind::cannotWrite, model).empty());
+  CHECK(filesIn(folder) == 1);
+  fs::remove_all(folder);
+  fs::create_directories(folder / "tileset.json/full");
+  CHECK(!failed(folder / "tileset.json", ErrorKind::cannotWrite, model).empty());
+  CHECK(filesIn(folder) == 1);
+  fs::remove_all(folder);
+  fs::create_directory(folder);
+  scratch.write("out/content.glb", "mine");
+  CHECK_THAT(failed(folder / "tileset.json", ErrorKind::cannotWrite, model, false),
+             Contains("content.glb: exists already (--overwrite replaces it)"));
+  CHECK(Glb::slurp(folder / "content.glb") == "mine");
+  CHECK(filesIn(folder) == 1);
+}
+
+TEST_CASE("what 3D Tiles do not hold is told and a name is no address") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(SceneKind::ordinary, 8, 40);
+  Bundle source;
+  source.model = scene.model;
+  source.cameras = {scene.camera};
+  writeBundle(scratch.folder() / "in.tgz", source);
+  const ConvertReport report = convert(scratch.folder() / "in.tgz", scratch.folder() / "a #b.tileset.json");
+  CHECK(report.output_format == "tileset.json");
+  CHECK(report.warnings.size() >= 2);
+  CHECK(std::ranges::count(report.warnings, "3D Tiles holds no cameras: they are left out") == 1);
+  CHECK(readModel(scratch.folder() / "a #b.content.glb").model.size() == 40);
+  const auto tileset = nlohmann::json::parse(Glb::slurp(scratch.folder() / "a #b.tileset.json"));
+  CHECK(tileset["root"]["content"]["uri"] == "a%20%23b.content.glb");
+}
