@@ -14,15 +14,22 @@ import sys
 import tarfile
 import tempfile
 
+import clouds
 from chromium import Chromium, Difference, from_data_url
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 FINAL_DB = 38.0   # what the page promises of the picture
 OUTPUT_DB = 45.0  # one output has fewer terms
+START_DB = 50.0   # the same view, of Gaussians without textures
 # Settings under tgview's names, for the model's first camera; then other cameras with none.
 VARIANTS = [{}, {"show": "base"}, {"show": "texture"}, {"show": "alpha"}, {"show": "normal"}, {"textures": "off"},
             {"textures": "alpha"}, {"intersection": "plane"}, {"background": "0.2,0.4,0.6"}, {"outside": "clip"},
             {"outside": "edge"}]
+# Models without cameras, which start with everything in view: what clouds.write() takes.
+CLOUDS = {"a subject": {}, "a subject with far floaters": {"far_every": 30, "far": 40},
+          "a subject before a background of large Gaussians": {"far_every": 7, "far": 12, "sigma": 0.3},
+          "a head with a sparse body": {"far_every": 5, "far": 4}}
+SHAPES = ["160x160", "160x90", "90x160"]
 failures = []
 
 
@@ -147,6 +154,19 @@ def main():
                                 (folder / "steps.png").read_bytes())
         expect(f"and the picture is that of the GLB, at least {FINAL_DB:.0f} dB", difference.psnr >= FINAL_DB,
                difference)
+
+        for name, cloud in CLOUDS.items():
+            clouds.write(folder / "cloud.ply", **cloud)
+            run(programs / "tgconvert", folder / "cloud.ply", folder / "cloud.html", "--quiet", "--overwrite")
+            browser.page("Page.navigate", url="about:blank")
+            browser.open(f"{(folder / 'cloud.html').as_uri()}?panel=off")
+            for shape in SHAPES if not cloud else SHAPES[:1]:
+                run(programs / "tgview", folder / "cloud.ply", "--render", folder / "cloud.png", "--size", shape,
+                    "--backend", "cpu")
+                picture = from_data_url(browser.evaluate(f"tgViewer.picture({json.dumps({'size': shape})})"))
+                difference = Difference(browser, picture, (folder / "cloud.png").read_bytes())
+                expect(f"{name} starts at {shape} as in tgview, at least {START_DB:.0f} dB",
+                       difference.psnr >= START_DB, difference)
 
         # A model that says itself what lies beyond its textures.
         if model.suffix == ".tgz":

@@ -25,21 +25,37 @@ export function fitted(camera, width, height) {
           cy: (camera.cy - 0.5 * camera.height) * s + 0.5 * height};
 }
 
-const MOST_LOOKED_AT = 1 << 17;  // means: sorting them all would stall the page
+const MOST_LOOKED_AT = 1 << 17;  // Gaussians: sorting them all would stall the page
+const INNER = 0.8;         // a share of the Gaussians: with bounds that leave the others out,
+const BEYOND_INNER = 1.1;  // [reach of the inner] they are that wide
+const FAR = 2;             // [reach of the inner] what is left out goes at least so far,
+const LARGE = 0.05;        // [reach of the inner] and half of it has at least that standard deviation
 
-// A sphere around most of the means: their median, and the reach of 95 % of them.
-export function sceneBounds(mean) {
+const quantile = (sorted, q) => sorted[Math.floor(q * (sorted.length - 1))];
+
+// A sphere around most of the Gaussians, by the rule of viewer/view/camera_controller.cpp: the median of their means,
+// and the reach of 95 % of them, or little more than that of 80 % where the others are far and large.
+export function sceneBounds(mean, scale) {
   const step = 3 * Math.ceil(mean.length / 3 / MOST_LOOKED_AT);
   const column = new Float32Array(Math.ceil(mean.length / step)), count = column.length;
   const center = [0, 1, 2].map((k) => {
     for (let i = 0; i < count; ++i) column[i] = mean[step * i + k];
-    return column.sort()[count >> 1];
+    return quantile(column.sort(), 0.5);
   });
+  const sigma = new Float32Array(count), reach = new Float32Array(count);
   for (let i = 0; i < count; ++i) {
     const at = step * i;
-    column[i] = Math.hypot(mean[at] - center[0], mean[at + 1] - center[1], mean[at + 2] - center[2]);
+    sigma[i] = Math.max(scale[at], scale[at + 1], scale[at + 2]);
+    reach[i] = Math.hypot(mean[at] - center[0], mean[at + 1] - center[1], mean[at + 2] - center[2]) + 2 * sigma[i];
   }
-  return {center, radius: Math.max(column.sort()[Math.floor(0.95 * (count - 1))], 1e-3)};
+  column.set(reach);
+  const inner = quantile(column.sort(), INNER);
+  let radius = quantile(column, 0.95);
+  if (radius > FAR * inner) {
+    const beyond = sigma.filter((_, i) => reach[i] > inner).sort();
+    if (quantile(beyond, 0.5) > LARGE * inner) radius = BEYOND_INNER * inner;
+  }
+  return {center, radius: Math.max(radius, 1e-3)};
 }
 
 // Mean of the cameras' image-up directions; y where there are none or they cancel.
@@ -50,7 +66,8 @@ export function sceneUp(cameras) {
 
 export class Orbit {
   constructor(model) {
-    this.bounds = model.bounds || sceneBounds(model.mean);
+    const {bounds, mean, scale, layer} = model;
+    this.bounds = bounds || sceneBounds(mean, (layer && layer.scale) || scale);
     this.up = sceneUp(model.cameras);
     this.camera = null;
     this.distance = 1;  // [world units] along the view axis to the point that orbits keep in place

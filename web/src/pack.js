@@ -2,6 +2,7 @@
 // A Gaussian as the device has it, in five texels of four numbers (web/shaders/splat.vert).
 
 export const GAUSSIAN_NUMBERS = 20;
+export const SCALE_NUMBER = 8;  // the first of its three
 
 // Gaussian i of a model as readGlb and readSog give it, from out[at] on.
 export function packGaussian({mean, rotation, scale, opacity, sh, layer}, i, out, at) {
@@ -9,7 +10,7 @@ export function packGaussian({mean, rotation, scale, opacity, sh, layer}, i, out
   const shape = (layer && layer.scale) || scale;
   for (let k = 0; k < 3; ++k) {
     out[at + k] = mean[3 * i + k];
-    out[at + 8 + k] = shape[3 * i + k];
+    out[at + SCALE_NUMBER + k] = shape[3 * i + k];
     out[at + 12 + k] = dc[3 * i + k];
     out[at + 16 + k] = sh[0][3 * i + k];
   }

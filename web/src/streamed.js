@@ -8,6 +8,7 @@ import {ChunkLoader} from './chunks.js';
 import {addressIn} from './decoder.js';
 import {fetchBytes} from './fetch.js';
 import {chooseLevels, parseLodMeta} from './lod.js';
+import {GAUSSIAN_NUMBERS, SCALE_NUMBER} from './pack.js';
 import {SplatPool, perRowFor} from './pool.js';
 import {Splats} from './splats.js';
 
@@ -86,19 +87,23 @@ export class LodStream {
   open(renderer, model, hooks) { return StreamedSplats.open(this, renderer, model, hooks); }
 }
 
-const LOOKED_AT = 1 << 15;  // means, for where the scene is
+const LOOKED_AT = 1 << 15;  // Gaussians, for where the scene is
 
-// Means of the coarsest levels, [{leaf, positions}], each leaf with as many as its share of the finest level.
-function sampleMeans(scene, found) {
-  const means = [];
-  for (const {leaf, positions} of found) {
+// Means and scales of the coarsest levels, [{leaf, positions, gaussians}], each leaf with as many as its share of the
+// finest level.
+function sampleOf(scene, found) {
+  const mean = [], scale = [];
+  for (const {leaf, positions, gaussians} of found) {
     const held = positions.length / 3, count = Math.ceil(LOOKED_AT * leaf.pieces[0].count / scene.count);
     for (let i = 0; i < count; ++i) {
-      const at = 3 * Math.floor(i * held / count);
-      means.push(positions[at], positions[at + 1], positions[at + 2]);
+      const at = Math.floor(i * held / count);
+      for (let k = 0; k < 3; ++k) {
+        mean.push(positions[3 * at + k]);
+        scale.push(gaussians[GAUSSIAN_NUMBERS * at + SCALE_NUMBER + k]);
+      }
     }
   }
-  return Float32Array.from(means);
+  return [mean, scale];
 }
 
 // The cameras that a lod-meta.json of this toolchain names, {cameras, notes}.
@@ -129,7 +134,8 @@ export async function readLod(address, bytes, options) {
   const leafOf = new Map(scene.leaves.map((leaf) => [leaf.pieces[leaf.pieces.length - 1], leaf]));
   const found = chunks.flatMap(({chunk, pieces}) => pieces.filter(({piece}) => leafOf.has(piece))
     .map(({piece, first, count}) =>
-      ({leaf: leafOf.get(piece), positions: chunk.positions.subarray(3 * first, 3 * (first + count))})));
+      ({leaf: leafOf.get(piece), positions: chunk.positions.subarray(3 * first, 3 * (first + count)),
+        gaussians: chunk.gaussians.subarray(GAUSSIAN_NUMBERS * first, GAUSSIAN_NUMBERS * (first + count))})));
   await breathe();
   const mean = new Float32Array(found.reduce((sum, {positions}) => sum + positions.length, 0));
   let at = 0;
@@ -138,7 +144,7 @@ export async function readLod(address, bytes, options) {
     at += positions.length;
   }
   await breathe();
-  const bounds = sceneBounds(sampleMeans(scene, found));
+  const bounds = sceneBounds(...sampleOf(scene, found));
   const none = new Float32Array(0);
   const {intersection, outside, background = [0, 0, 0]} = {...(scene.own || chunks[0]), ...stream.textures};
   const notes = [...said, ...chunks.flatMap((chunk) => chunk.notes), ...errors.map(({message}) => message)];
