@@ -20,6 +20,7 @@ import tempfile
 import threading
 import time
 
+import clouds
 from chromium import STALL, Chromium, Difference, from_data_url
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
@@ -27,6 +28,23 @@ TARGET = 44    # [px] of what a finger is to hit
 SHIFT = 8
 DRIP = 64     # bytes
 failures = []
+# [px] from the left and the top to the right and the bottom of what is lit in a picture.
+LIT = """(async (url) => {
+  const image = new Image();
+  image.src = url;
+  await image.decode();
+  const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+  context.drawImage(image, 0, 0);
+  const {data} = context.getImageData(0, 0, image.width, image.height);
+  const x = [], y = [];
+  for (let i = 0; i < image.width * image.height; ++i) {
+    if (data[4 * i] + data[4 * i + 1] + data[4 * i + 2] < 72) continue;
+    x.push(i % image.width);
+    y.push(Math.floor(i / image.width));
+  }
+  const ends = (list) => list.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity]);
+  return [ends(x)[0], ends(y)[0], ends(x)[1], ends(y)[1]];
+})"""
 # Takes a page's device away while its model is uploaded, once or, with `always` in the address, every time, and gives it
 # back as many ms later as `back` there says.
 LOSE = """{ const getContext = HTMLCanvasElement.prototype.getContext;
@@ -263,6 +281,48 @@ def device_lost(browser, page, size):
     expect("a viewer that was disposed of says so", "disposed" in gone, gone)
 
 
+def turned(browser, page):
+    """A model without cameras on a phone that is turned, before and after a finger has moved it."""
+    shapes = [(390, 780), (780, 390)]
+    look = "(tgViewer.orbit.orbit(0.4, 0.1), tgViewer.moved(), 0)"
+
+    def lit():
+        return browser.evaluate(f"tgViewer.picture().then({LIT})")
+
+    def turn(width, height):
+        browser.page("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        return until(browser, f"tgViewer.canvas.width === {width} && tgViewer.canvas.height === {height}")
+
+    fresh, moved = {}, {}
+    for shape in shapes:
+        browser.page("Page.navigate", url="about:blank")
+        browser.open(page, *shape)
+        fresh[shape] = from_data_url(browser.evaluate("tgViewer.picture()"))
+        browser.evaluate(look)
+        moved[shape] = lit()
+    for before, after in (shapes, shapes[::-1]):
+        name = f"{before[0]} x {before[1]} turned to {after[0]} x {after[1]}"
+        browser.page("Page.navigate", url="about:blank")
+        browser.open(page, *before)
+        there = turn(*after)
+        same = Difference(browser, from_data_url(browser.evaluate("tgViewer.picture()")), fresh[after])
+        expect(f"{name} the page shows what it starts with there", there and same.psnr > 45, same)
+        keep(browser, f"turned_{after[0]}")
+        turn(*before)
+        browser.evaluate(look)
+        here = lit()
+        turn(*after)
+        found = lit()
+        expect(f"{name} a model that was moved stays as large",
+               all(abs((found[k + 2] - found[k]) / (here[k + 2] - here[k]) - 1) < 0.02 for k in (0, 1)), (here, found))
+        # The lens of a portrait is longer: what is near is less enlarged by it.
+        wide = (found[2] - found[0]) / (moved[after][2] - moved[after][0])
+        expect(f"{name} nearly as large as on a new page", 0.9 < wide < 1.1, wide)
+    link = browser.evaluate("(document.getElementById('link').click(), location.hash)")
+    aspect = float(link.split(",")[8])
+    expect("a link to such a view asks for a square", abs(aspect - 1) < 1e-3, link)
+
+
 def main():
     programs = pathlib.Path(sys.argv[1]).resolve()
     model = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else REPOSITORY / "docs/sample.tgz").resolve()
@@ -280,6 +340,9 @@ def main():
         at_a_desk(browser, page)
         on_a_phone(browser, page)
         device_lost(browser, page, "160x160")
+        clouds.write(folder / "cloud.ply")
+        run(programs / "tgconvert", folder / "cloud.ply", folder / "cloud.html", "--quiet")
+        turned(browser, (folder / "cloud.html").as_uri())
 
         # A newer one of the same model keeps what the hand chose, as far as it goes for it.
         browser.open(page, 320, 240)

@@ -70,8 +70,11 @@ export class Orbit {
     this.bounds = bounds || sceneBounds(mean, (layer && layer.scale) || scale);
     this.up = sceneUp(model.cameras);
     this.camera = null;
+    this.first = null;  // the camera that start() made
     this.distance = 1;  // [world units] along the view axis to the point that orbits keep in place
   }
+
+  get atStart() { return this.camera !== null && this.camera === this.first; }
 
   get pivot() { return add(this.camera.eye, this.camera.axes[2], this.distance); }
 
@@ -92,13 +95,18 @@ export class Orbit {
     this.camera = {name: '', width, height, fx: fy, fy, cx: 0.5 * width, cy: 0.5 * height,
                    axes: [right, cross(forward, right), forward], eye: [0, 0, 0]};
     this.frame(width, height);
+    this.first = this.camera;
   }
 
+  // All in view. What this asks of the lens, a square, becomes the camera's image: it fits a picture of any shape.
   frame(width, height) {
-    const lens = fitted(this.camera, width, height);
-    const half = Math.min(Math.atan(0.5 * width / lens.fx), Math.atan(0.5 * height / lens.fy));
-    this.distance = Math.max(this.bounds.radius / Math.sin(half), this.bounds.radius + 1.5 * NEAR);
-    this.camera = {...this.camera, eye: add(this.bounds.center, this.camera.axes[2], -this.distance)};
+    const {fx, fy, cx, cy} = fitted(this.camera, width, height);
+    const reach = Math.min(0.5 * width / fx, 0.5 * height / fy);  // at a depth of 1
+    const image = {width: 2 * reach * fx, height: 2 * reach * fy};
+    this.distance = Math.max(this.bounds.radius / Math.sin(Math.atan(reach)), this.bounds.radius + 1.5 * NEAR);
+    this.camera = {...this.camera, ...image, fx, fy, cx: cx + 0.5 * (image.width - width),
+                   cy: cy + 0.5 * (image.height - height),
+                   eye: add(this.bounds.center, this.camera.axes[2], -this.distance)};
   }
 
   // [rad] around the pivot: about the scene's up, then about the camera's x, short of the poles.

@@ -301,8 +301,11 @@ export class Viewer {
     let size = this.fixedSize;
     if (!size) size = [this.canvas.clientWidth * ratio, this.canvas.clientHeight * ratio].map(Math.round);
     const [width, height] = size.map((side) => Math.max(side, 1));
-    if (this.canvas.width !== width) this.canvas.width = width;
-    if (this.canvas.height !== height) this.canvas.height = height;
+    if (this.canvas.width === width && this.canvas.height === height) return;
+    Object.assign(this.canvas, {width, height});
+    if (!this.orbit || !this.orbit.atStart) return;
+    this.orbit.start(width, height);
+    this.changed();
   }
 
   // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
