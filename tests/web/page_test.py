@@ -125,6 +125,8 @@ def until(browser, expression, seconds=20):
 def at_a_desk(browser, page):
     browser.open(page, 640, 480)
     keep(browser, "desk")
+    scheme = browser.evaluate("getComputedStyle(document.getElementById('camera')).colorScheme")
+    expect("what the browser draws by itself is dark, too", scheme == "dark", scheme)
     camera = "tgViewer.cameraIndex"
     expect("the bar is gone once the picture stands", browser.evaluate("document.getElementById('loading').hidden"))
     first = browser.evaluate(camera)
