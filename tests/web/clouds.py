@@ -14,8 +14,8 @@ def write(path, far_every=0, far=1.0, sigma=SIGMA):
     """Round Gaussians in a box of 1.6 x 0.8 x 0.8. Every far_every-th lies `far` times as far from the middle, with
     another standard deviation."""
     numbers = random.Random(3)
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {COUNT}", *(f"property float {f}" for f in FIELDS),
-              "end_header", ""]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {COUNT}",
+              *(f"property float {f}" for f in FIELDS), "end_header", ""]
     rows = []
     for i in range(COUNT):
         is_far = far_every > 0 and i % far_every == 0

@@ -6,6 +6,7 @@
 
 Skips (exit code 77) where there is no Chromium. TG_WEB_PICTURES=FOLDER keeps screenshots.
 """
+import html
 import http.server
 import io
 import json
@@ -22,6 +23,7 @@ import time
 
 import clouds
 from chromium import STALL, Chromium, Difference, from_data_url
+from lod_scene import Server
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 TARGET = 44    # [px] of what a finger is to hit
@@ -248,6 +250,52 @@ def on_a_phone(browser, page):
     browser.fingers(0)
 
 
+def in_frames(browser, folder):
+    """The page in a frame, whose address nobody sees, and in one without an address."""
+    page = (folder / "page.html").read_text()
+    frames = {"framed": '<iframe src="page.html"', "srcdoc": f'<iframe srcdoc="{html.escape(page)}"'}
+    for name, frame in frames.items():
+        (folder / f"{name}.html").write_text(f'<!doctype html><body>{frame} width="600" height="440"></iframe>')
+    server = Server({"pages": folder})
+    inner = "window[0]"
+    told = f"{inner}.document.getElementById('message')"
+    words = f"{told}.firstElementChild.textContent"
+
+    def open_frame(name):
+        browser.log = []
+        browser.page("Page.navigate", url=f"{server.address}/pages/{name}.html")
+        expect(f"{name}: the page shows its model",
+               until(browser, f"{inner} && {inner}.__done && {inner}.__done.gaussians > 0", 60))
+
+    def press_c():
+        browser.evaluate(f"{inner}.document.body.dispatchEvent(new {inner}.KeyboardEvent('keydown', "
+                         "{key: 'c', bubbles: true, cancelable: true}))")
+
+    open_frame("framed")
+    browser.evaluate(f"{inner}.navigator.clipboard.writeText = () => Promise.reject(new Error('forbidden')), 0")
+    press_c()
+    link = f"A link to this view: {server.address}/pages/page.html#view="
+    expect("in a frame that may not copy C shows the link", until(browser, f"{words}.startsWith('{link}')", 5),
+           browser.evaluate(words))
+    keep(browser, "framed")
+    browser.evaluate(f"({inner}.tgViewer.orbit.orbit(0.3, 0), {inner}.tgViewer.changed(), 0)")
+    expect("until the view is another", until(browser, f"{told}.hidden", 5))
+    browser.evaluate(f"{inner}.navigator.clipboard.writeText = async (text) => {{ window.copied = text; }}, 0")
+    press_c()
+    expect("in one that may it is copied", until(browser, f"{words} === 'A link to this view is copied.'", 5),
+           browser.evaluate(words))
+    copied = browser.evaluate("window.copied")
+    expect("and that is the frame's own address", copied.startswith(link.split(": ")[1]), copied)
+    open_frame("srcdoc")
+    expect("a frame without an address has no button for a link",
+           browser.evaluate(f"{inner}.document.getElementById('link').hidden"))
+    press_c()
+    expect("and says so to C", until(browser, f"!{told}.hidden && {words}.includes('no address')", 5),
+           browser.evaluate(words))
+    browser.evaluate("new Promise((done) => setTimeout(done, 200))")
+    expect("without an error", not browser.log, browser.log[:3])
+
+
 def device_lost(browser, page, size):
     """The page without its device: while it loads, afterwards, and for long."""
     whole = f"{page}?size={size}"
@@ -292,7 +340,8 @@ def turned(browser, page):
         return browser.evaluate(f"tgViewer.picture().then({LIT})")
 
     def turn(width, height):
-        browser.page("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        browser.page("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1,
+                     mobile=False)
         return until(browser, f"tgViewer.canvas.width === {width} && tgViewer.canvas.height === {height}")
 
     fresh, moved = {}, {}
@@ -342,6 +391,7 @@ def main():
         at_a_desk(browser, page)
         on_a_phone(browser, page)
         device_lost(browser, page, "160x160")
+        in_frames(browser, folder)
         clouds.write(folder / "cloud.ply")
         run(programs / "tgconvert", folder / "cloud.ply", folder / "cloud.html", "--quiet")
         turned(browser, (folder / "cloud.html").as_uri())

@@ -6,13 +6,14 @@ const OUTSIDE_TITLES = {base: 'beyond its texture a splat shows its base colour'
 const SMALL = [600, 400];  // [px] up to which the panel waits to be asked for
 const OWN_KEYS = ['SELECT', 'INPUT', 'TEXTAREA'];
 const DONE_STAYS = 2700, DONE_FADES = 300;  // [ms] of a word that something is done
+const HAS_ADDRESS = !location.href.startsWith('about:');  // a frame's srcdoc has none
 const FREE_VIEW = '-1';  // of the list of views, while it is none of them
 
 const element = (id) => document.getElementById(id);
 
 let fading = null;  // the animation at whose end a word goes by itself
 
-// kind: '' of what went wrong, 'note', or 'done' of what goes by itself.
+// kind: '' of what went wrong, 'note', 'link' of one to copy, or 'done' of what goes by itself.
 function showMessage(text, kind = '') {
   const box = element('message');
   if (fading) fading.cancel();
@@ -57,9 +58,10 @@ class Panel {
     this.viewer = viewer;
     this.name = name;
     this.hasBar = true;
-    this.linked = null;  // what the address was last made, while a word says so
+    this.linked = null;  // what the last link leads to, while a word says so
     element('toggle').onclick = () => this.open(element('panel').hidden);
     element('play').onclick = () => this.play();
+    element('link').hidden = !HAS_ADDRESS;
     element('link').onclick = () => this.link();
     element('fullscreen').hidden = !document.fullscreenEnabled;
     element('fullscreen').onclick = () => this.fullscreen();
@@ -166,13 +168,25 @@ class Panel {
     return words.join('&');
   }
 
-  // The address of this page with all that, in the clipboard, too.
+  // The address of this page with all that, in the clipboard, too. Of a frame nobody sees the address.
   async link() {
+    if (!HAS_ADDRESS) {
+      showMessage('This page has no address of its own that a link could lead to.', 'note');
+      return;
+    }
     const {words} = this;
-    history.replaceState(null, '', `#${words}`);
-    const copied = await Promise.resolve().then(() => navigator.clipboard.writeText(location.href))
+    const address = `${location.href.split('#')[0]}#${words}`;
+    let seen = window === window.top;
+    try {
+      history.replaceState(null, '', address);
+    } catch {  // some browsers do not do so many times in a while
+      seen = false;
+    }
+    const copied = await Promise.resolve().then(() => navigator.clipboard.writeText(address))
       .then(() => true, () => false);
-    showMessage(`The address of this page leads to this view now${copied ? ', and is copied' : ''}.`, 'done');
+    if (seen) showMessage(`The address of this page leads to this view now${copied ? ', and is copied' : ''}.`, 'done');
+    else if (copied) showMessage('A link to this view is copied.', 'done');
+    else showMessage(`A link to this view: ${address}`, 'link');
     this.linked = words;
   }
 
@@ -243,7 +257,7 @@ class Panel {
     element('facts').textContent = this.facts(viewer.model);
     if (this.linked !== null && !viewer.playing && this.linked !== this.words) {  // a flight leaves the word its time
       this.linked = null;
-      if (element('message').className === 'done') showMessage('');
+      if (['done', 'link'].includes(element('message').className)) showMessage('');
     }
     press('show', settings.show);
     press('textures', settings.textures);
