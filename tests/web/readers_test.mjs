@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The package's readers without a browser: a file as it is, and spoilt: `node readers_test.mjs FILE.glb`. What cannot be
-// read is refused with a sentence, never by a slip of the reader's own. WebP needs a browser: tests/web/package_test.py.
+// The package's readers without a browser: a file as it is, and spoilt: `node readers_test.mjs FILE.glb`. What cannot
+// be read is refused with a sentence, never by a slip of the reader's own. Pixels of WebP: tests/web/webp_test.mjs.
 import {readFileSync} from 'node:fs';
 import {cameraOf, matricesOf, readModel} from '../../web/src/index.js';
 import {unpackMeshopt} from '../../web/src/meshopt.js';
@@ -8,12 +8,54 @@ import {GAUSSIAN_NUMBERS, packGaussian} from '../../web/src/pack.js';
 import {readSogParts} from '../../web/src/sog.js';
 import {readZip} from '../../web/src/zip.js';
 import {formatView, parseView} from '../../web/src/view_text.js';
-import {plainWebp, webpSize} from '../../web/src/webp.js';
+import {decodeWebp, webpSize} from '../../web/src/webp.js';
 
 const failures = [];
 const expect = (what, ok, found = '') => {
   if (!ok) failures.push(`${what}: ${found}`);
 };
+// A chunk VP8L of width = height = `side`, whose bits `write` puts behind its header.
+const vp8lOf = (side, bytes, write) => {
+  const out = new Uint8Array(bytes);
+  let at = 0;
+  const put = (value, count) => {
+    for (let k = 0; k < count; ++k, ++at) out[at >> 3] |= (value >> k & 1) << (at & 7);
+  };
+  put(0x2F, 8);
+  put(side - 1, 14);
+  put(side - 1, 14);
+  put(0, 1 + 3);  // no alpha, version 0
+  write(put);
+  return out;
+};
+const putOnly = (put, symbol) => {  // a prefix code of one symbol
+  put(0b101, 3);
+  put(symbol, 8);
+};
+const greyPixels = () => vp8lOf(8, 13, (put) => {  // 128 in all channels
+  put(0, 3);  // no transforms, no cache, one group of codes
+  for (const symbol of [128, 128, 128, 128, 0]) putOnly(put, symbol);
+});
+// As many groups of codes as there are blocks of 4 x 4 pixels, with tables much larger than what a file says of them.
+const manyCodes = () => vp8lOf(1024, 1700000, (put) => {
+  const putLengths = (lengths, count) => {
+    put(0, 1);
+    put(15, 4);
+    for (let i = 0; i < 19; ++i) put(i < 2 || i === 8 ? 0 : 4, 3);  // lengths 0 to 15 take 4 bits each
+    put(1, 1);
+    put(3, 3);
+    put(count - 2, 8);
+    for (const length of lengths) [3, 2, 1, 0].forEach((k) => put(length >> k, 1));
+  };
+  put(0b100, 3 + 3);  // no transforms, no cache, blocks of 4 x 4
+  put(0, 1);
+  putLengths(new Array(256).fill(8), 256);
+  putLengths(new Array(256).fill(8), 256);
+  for (const symbol of [0, 0, 0]) putOnly(put, symbol);
+  for (let i = 0; i < 65536; ++i) put(i, 16);
+  const deep = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15];
+  for (let i = 0; i < 5 * 17480; ++i) putLengths(deep, deep.length);
+});
 let seed = 1;
 const random = (n) => (seed = (1103515245 * seed + 12345) % 2147483648) % n;
 
@@ -305,21 +347,12 @@ for (const [key, value] of [['intersection', ''], ['intersection', 0], ['extent'
   const huge = await told({count: 4e9}, 1e9);
   expect('no room before there are images', huge === 'there is no image "means_l.webp"', huge);
 
-  // A decoder of a browser's kind that gives grey pixels of the size that a file names.
-  globalThis.ImageDecoder = class {
-    constructor({data}) { this.data = data; }
-    async decode() {
-      const {width, height} = webpSize(this.data);
-      const copyTo = async (samples) => samples.fill(128);
-      return {image: {format: 'RGBX', codedWidth: width, codedHeight: height, copyTo, close() {}}};
-    }
-    close() {}
-  };
-  const image = new Uint8Array(25);
+  const pixels = greyPixels(), image = new Uint8Array(20 + pixels.length);
   new DataView(image.buffer).setUint32(0, 0x52494646);
   new DataView(image.buffer).setUint32(8, 0x57454250);
   new DataView(image.buffer).setUint32(12, 0x5650384C);
-  image.set([5, 0, 0, 0, 0x2F, 7, 0xC0, 1, 0], 16);  // 8 x 8
+  image[16] = pixels.length;
+  image.set(pixels, 20);
   const part = (...files) => ({files, codebook: [0, 1]});
   const entries = new Map(['a', 'b'].map((name) => [name, async () => image]));
   const read = (more) => readSogParts({version: 2, count: 50, means: {...shape.means, files: ['a', 'b']},
@@ -349,13 +382,23 @@ for (const [key, value] of [['intersection', ''], ['intersection', 0], ['extent'
     const body = [...new TextEncoder().encode('WEBP'), ...chunks.flat()];
     return Uint8Array.from([...new TextEncoder().encode('RIFF'), body.length, 0, 0, 0, ...body]);
   };
-  const pixels = chunk('VP8L', 0x2F, 4, 0xC0, 0, 0, 1, 2), extended = chunk('VP8X', 0x20, 0, 0, 0, 4, 0, 0, 3, 0, 0);
+  const pixels = chunk('VP8L', ...greyPixels()), extended = chunk('VP8X', 0x20, 0, 0, 0, 7, 0, 0, 7, 0, 0);
   const simple = file(pixels), profiled = file(extended, chunk('ICCP', 1, 2, 3), pixels, chunk('EXIF', 1, 2));
   for (const bytes of [simple, profiled]) {
-    const {width, height} = webpSize(bytes);
-    expect('the size of a WebP', width === 5 && height === 4, [width, height]);
-    expect('a WebP without extras', String(plainWebp(bytes)) === String(simple), plainWebp(bytes));
+    const {width, height} = webpSize(bytes), {samples} = await decodeWebp(bytes);
+    expect('the size of a WebP', width === 8 && height === 8, [width, height]);
+    expect('the pixels of a WebP', samples.length === 256 && samples.every((x) => x === 128), samples);
   }
+  const huge = simple.slice();
+  huge.set([0xFF, 0xFF, 0xFF, 0x0F], 21);
+  const told = await toldOf(decodeWebp(huge));
+  expect('a WebP of 2^28 pixels', told === 'WebP: bad size 16384 x 16384 (expected at most 67108864 texels)', told);
+  const codes = manyCodes(), head = simple.slice(0, 20), many = new Uint8Array(20 + codes.length);
+  new DataView(head.buffer).setUint32(16, codes.length, true);
+  many.set(head);
+  many.set(codes, 20);
+  const room = await toldOf(decodeWebp(many));
+  expect('a WebP of many codes', room === 'WebP: codes take too much room (expected at most 33554432 entries)', room);
   const others = [[file(chunk('VP8 ', ...new Array(20).fill(0))), 'WebP: lossy (expected lossless)'],
                   [file(extended, chunk('ALPH', 0), chunk('VP8 ', 0, 0)), 'WebP: lossy (expected lossless)'],
                   [file(extended, chunk('ANIM', 0, 0, 0, 0, 0, 0)), 'WebP: an animation (expected a single picture)'],
