@@ -365,7 +365,8 @@ void stepCamera(ViewerState& state, int step) {
 }
 
 void frameScene(ViewerState& state) {
-  frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds);
+  frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds,
+        double{state.display.settings.near});
   leaveCamera(state.camera);
   state.path.playing = false;
 }

@@ -7,7 +7,6 @@
 #include <glm/gtc/constants.hpp>
 
 #include "core/system/assert.h"
-#include "shared/limits.h"
 
 namespace tg {
 namespace {
@@ -233,20 +232,20 @@ void fly(ViewPose& pose, glm::dvec3 offset) {
   pose.position += glm::transpose(pose.cameraFromWorldRotation()) * offset;
 }
 
-void frame(ViewPose& pose, const Lens& lens, double aspect, const SceneBounds& bounds) {
+void frame(ViewPose& pose, const Lens& lens, double aspect, const SceneBounds& bounds, double near) {
   TG_ASSERT(aspect > 0 && bounds.radius >= 0, "a picture and a scene have sizes");
   const double half_y = 0.5 * lens.fov_y;
   const double half_x = std::atan(std::tan(half_y) * aspect / lens.pixel_aspect);
   // The near plane must not cut into small models.
-  pose.distance = std::clamp(std::max(bounds.radius / std::sin(std::min(half_x, half_y)), bounds.radius + 1.5 * kNear),
+  pose.distance = std::clamp(std::max(bounds.radius / std::sin(std::min(half_x, half_y)), bounds.radius + 1.5 * near),
                              kMinDistance, kMaxDistance);
   pose.position = bounds.center - pose.distance * pose.forward();
 }
 
-ViewPose startPose(glm::dvec3 up, const SceneBounds& bounds, const Lens& lens, double aspect) {
+ViewPose startPose(glm::dvec3 up, const SceneBounds& bounds, const Lens& lens, double aspect, double near) {
   ViewPose pose = levelPose(up, bounds.center, bounds.center + glm::dvec3(0, 0, 1));
   pose.pitch = -0.3;
-  frame(pose, lens, aspect, bounds);
+  frame(pose, lens, aspect, bounds, near);
   return pose;
 }
 

@@ -77,13 +77,14 @@ void look(ViewPose& pose, double yaw, double pitch);   // [rad] around the camer
 void pan(ViewPose& pose, double x, double y);          // [world units] image right and image down, pivot included
 void dolly(ViewPose& pose, double factor);             // distance *= factor, towards the pivot
 void fly(ViewPose& pose, glm::dvec3 offset);           // [world units] camera axes: right, down, forward
-void frame(ViewPose& pose, const Lens& lens, double aspect, const SceneBounds& bounds);  // keeps the direction
+// The whole scene in the picture, behind the near plane [world units]; keeps the direction.
+void frame(ViewPose& pose, const Lens& lens, double aspect, const SceneBounds& bounds, double near);
 void dollyTo(ViewPose& pose, double factor, glm::dvec3 fixed);  // the same, and that point stays where it is seen
 void centerOn(ViewPose& pose, glm::dvec3 point);  // moves sideways until the pivot is there; before the camera only
 // Around the pivot to a side of the scene, `up` being up: front is where a level camera of x right, up up looks from.
 enum class Side { front, back, left, right, top, bottom };
 constexpr auto namesOf(Side) { return enumNames("front", "back", "left", "right", "top", "bottom"); }
 void lookFrom(ViewPose& pose, Side side);
-ViewPose startPose(glm::dvec3 up, const SceneBounds& bounds, const Lens& lens, double aspect);
+ViewPose startPose(glm::dvec3 up, const SceneBounds& bounds, const Lens& lens, double aspect, double near);
 
 }  // namespace tg

@@ -45,7 +45,8 @@ Camera cameraFor(const ViewOptions& options, const Scene& scene) {
     const glm::ivec2 size = options.size.value_or(kDefaultSize);
     const Lens lens;
     const double aspect = static_cast<double>(size.x) / size.y;
-    return toCamera(startPose(scene.up, scene.bounds, lens, aspect), lens, size.x, size.y);
+    const double near = options.settings.near;
+    return toCamera(startPose(scene.up, scene.bounds, lens, aspect, near), lens, size.x, size.y);
   }
   if (options.up_given && options.turntable == 0) {
     throw Error(ErrorKind::usage,

@@ -157,7 +157,8 @@ void resetView(ViewerState& state) {
   if (start >= 0) return goToCamera(state, start);
   state.path.playing = false;
   state.camera.lens = {};
-  state.camera.pose = startPose(upOf(state), state.scene.bounds, state.camera.lens, state.camera.aspect);
+  state.camera.pose = startPose(upOf(state), state.scene.bounds, state.camera.lens, state.camera.aspect,
+                                double{state.display.settings.near});
   leaveCamera(state.camera);
 }
 

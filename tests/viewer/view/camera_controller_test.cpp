@@ -156,7 +156,7 @@ TEST_CASE("framing puts the whole sphere into the image, in wide and tall window
     const Lens lens;
     ViewPose pose = levelPose({0, 0, 1}, random.uniformVec3(-9, 9), {0, 0, 0});
     const glm::dvec3 forward = pose.forward();
-    frame(pose, lens, static_cast<double>(size.x) / size.y, bounds);
+    frame(pose, lens, static_cast<double>(size.x) / size.y, bounds, kNear);
     CHECK(glm::length(pose.forward() - forward) < 1e-12);
     const Camera camera = toCamera(pose, lens, size.x, size.y);
     for (int i = 0; i < 200; ++i) {
@@ -169,11 +169,16 @@ TEST_CASE("framing puts the whole sphere into the image, in wide and tall window
   }
 }
 
-TEST_CASE("framing keeps a tiny model behind the near plane") {
-  const SceneBounds bounds{{1, 1, 1}, 1e-3};
+TEST_CASE("framing keeps a tiny model behind the near plane and no farther") {
+  const SceneBounds bounds{{1, 1, 1}, 0.005};
   ViewPose pose = levelPose({0, 0, 1}, {0, 0, 0}, {1, 0, 0});
-  frame(pose, {}, 1.0, bounds);
+  frame(pose, {}, 1.0, bounds, kNear);
   CHECK(pose.distance - bounds.radius > kNear);
+  const Lens lens;
+  const double whole = bounds.radius / std::sin(0.5 * lens.fov_y);
+  frame(pose, lens, 1.0, bounds, 1e-4);
+  CHECK(pose.distance == Approx(whole));
+  CHECK(startPose({0, 0, 1}, bounds, lens, 1.0, 1e-4).distance == Approx(whole));
 }
 
 TEST_CASE("another image size shows the whole old image, undistorted") {

@@ -3,6 +3,7 @@
 #include "viewer/view/shot.h"
 
 #include "core/system/error.h"
+#include "shared/limits.h"
 #include "support/catch.h"
 
 using namespace tg;
@@ -24,4 +25,13 @@ TEST_CASE("without --camera: the first test camera, else the first, else the who
   options.size.reset();
   scene.cameras[2].size.x = 1 << 20;
   CHECK_THROWS_AS(cameraFor(options, scene), Error);
+}
+
+TEST_CASE("a near plane closer by brings the view of a tiny model closer") {
+  Scene scene;
+  scene.bounds.radius = 0.005;
+  ViewOptions options;
+  CHECK(glm::length(cameraFor(options, scene).position()) > double{kNear});
+  options.settings.near = 1e-4f;
+  CHECK(glm::length(cameraFor(options, scene).position()) < 0.02);
 }
