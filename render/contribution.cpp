@@ -33,8 +33,7 @@ std::vector<Projected> project(const GaussianModel& model, const Camera& camera,
     const float opacity = sigmoidf(model.opacity_logit[i]);
     const float radius = visibleRadius(opacity);
     if (!(mean.z > near && radius > 0.0f)) continue;
-    glm::vec3 scale = glm::exp(model.log_scale[i]);
-    scale = glm::max(scale, glm::vec3(kThinnest * glm::max(scale.x, glm::max(scale.y, scale.z))));  // as it is drawn
+    const glm::vec3 scale = drawnScale(glm::exp(model.log_scale[i]));
     const int c = shortestAxis(model.log_scale[i]);
     const glm::ivec3 order(axisU(c), axisV(c), c);
     const glm::mat3 axes = rotation * rotationFromQuaternion(model.rotation[i]);

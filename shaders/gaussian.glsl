@@ -7,10 +7,6 @@ FETCHED_VEC4S(0, MeanLogit, mean_logit);       // [N] mean, opacity logit
 FETCHED_VEC4S(1, Rotation, rotation);          // [N] w, x, y, z
 FETCHED_UVEC4S(2, ScaleOffset, scale_offset);  // [N] ln(sigma), texel offset
 
-// Longest sigmas outside these make 1 / sigma or its square overflow: such a Gaussian is a point, or everywhere.
-const float kScaleMin = 1e-18;
-const float kScaleMax = 1e18;
-
 struct Gaussian {
   vec3 mean;    // world space
   vec3 mean_c;  // camera space
@@ -73,7 +69,7 @@ bool loadGaussian(uint i, out Gaussian g) {
   int b = axisV(c);
   mat3 axes = mat3(view.camera_from_world) * rotationFromQuaternion(FETCH(rotation, i));
   g.axes_c = mat3(axes[a], axes[b], axes[c]);
-  g.scale = view.splat_scale * vec3(scale[a], scale[b], scale[c]);
+  g.scale = drawnScale(view.splat_scale * vec3(scale[a], scale[b], scale[c]));
   if (decider(view.antialiasing) != 0u) {
     vec3 narrow = max(g.scale, vec3(1e-35));
     float least = min(narrow.x, min(narrow.y, narrow.z));
@@ -85,7 +81,7 @@ bool loadGaussian(uint i, out Gaussian g) {
   }
   bool in_crop = decider(floatBitsToUint(view.crop_min.w)) == 0u || (all(greaterThanEqual(g.mean, view.crop_min.xyz)) &&
                                             all(lessThanEqual(g.mean, view.crop_max.xyz)));
-  float most = max(g.scale.x, max(g.scale.y, g.scale.z));
-  g.scale = max(g.scale, vec3(kThinnest * most));
-  return g.mean_c.z > view.near && in_crop && most > kScaleMin && most < kScaleMax;
+  float longest = max(g.scale.x, max(g.scale.y, g.scale.z));
+  // Antialiasing makes longer ones yet of what lies farther away than squares in float reach.
+  return g.mean_c.z > view.near && in_crop && longest > kScaleMin && longest < 2.0 * kScaleMax;
 }

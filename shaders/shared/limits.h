@@ -19,6 +19,8 @@ const float kEllipsoidAmbient = 0.25f;        // share of the light that a lit e
 const float kCenterRadius = 1.5f;             // [px] of a dot at a Gaussian's mean
 const float kShC0 = 0.28209479177387814f;     // sqrt(1/(4 pi))
 const float kThinnest = 2e-9f;                // of an axis, in units of the longest one: as thin as float can show
+const float kScaleMin = 1e-18f;               // [world units] a longest sigma below is a point, which no pixel meets,
+const float kScaleMax = 1e18f;                // one above is everywhere alike: the squares of 1 / sigma leave float
 
 // Texture modes and intersection models as they cross host and device (core has the enum classes).
 const uint kModeNone = 0u;

@@ -38,6 +38,13 @@ TG_FN int shortestAxis(vec3 scale) {
 TG_FN int axisU(int c) { return c == 0 ? 1 : 0; }
 TG_FN int axisV(int c) { return c == 2 ? 1 : 2; }
 
+// Sigmas as they are drawn (docs/math.md 1.1).
+TG_FN vec3 drawnScale(vec3 scale) {
+  float longest = min(max(scale.x, max(scale.y, scale.z)), kScaleMax);
+  float shortest = kThinnest * longest;
+  return vec3(clamp(scale.x, shortest, longest), clamp(scale.y, shortest, longest), clamp(scale.z, shortest, longest));
+}
+
 // Radius [sigma] beyond which alpha = opacity * exp(-r^2/2) < kAlphaMin whatever the texture says (alpha texels are at
 // most 1). Not positive: the splat can never be seen. The factor keeps pixels on the rim inside against rounding.
 TG_FN float visibleRadius(float opacity) {

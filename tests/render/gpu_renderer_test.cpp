@@ -172,6 +172,23 @@ TEST_CASE("antialiased discs and dots of any thinness are as those of a milliont
   }
 }
 
+TEST_CASE("Gaussians whose square no float holds are everywhere") {
+  TestScene scene = facingScene(3);
+  scene.model.log_scale[1] = {45.0f, -3.0f, -4.0f};
+  scene.model.log_scale[2] = glm::vec3(80.0f);
+  scene.model.mean[1] = {1.0f, 0.5f, 5.0f};
+  scene.model.sh[1] = {1.0f, 0.0f, -1.0f};
+  scene.model.sh[2] = {-1.0f, 1.0f, 0.5f};
+  RenderSettings settings;
+  settings.antialiasing = GENERATE(Antialiasing::off, Antialiasing::screen);
+  settings.intersection = IntersectionModel::maxResponse;
+  checkAgainstReference(scene, settings, allowed(SceneKind::ordinary, IntersectionModel::maxResponse));
+  // The reference measures the angle between ray and plane in sigmas, of which so long ones leave none. The last one is
+  // seen edge-on.
+  settings.intersection = IntersectionModel::plane;
+  for (const float alpha : renderScene(scene, settings).alpha) CHECK(alpha > 0.49f);
+}
+
 TEST_CASE("every texture mode agrees with the reference, as the model's and as the user's choice") {
   const TextureMode mode = GENERATE(TextureMode::none, TextureMode::alpha, TextureMode::rgb, TextureMode::rgba);
   const bool of_model = GENERATE(false, true);

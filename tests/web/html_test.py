@@ -6,9 +6,14 @@
 
 Prints the PSNR of every picture and fails below the limits. Skips (exit code 77) where there is no Chromium.
 """
+import base64
+import gzip
 import io
 import json
+import math
 import pathlib
+import re
+import struct
 import subprocess
 import sys
 import tarfile
@@ -42,6 +47,42 @@ def with_outside(model, copy, value):
                 content = json.dumps({**json.loads(content), "outside": value}).encode()
             entry.size = len(content)
             out.addfile(entry, io.BytesIO(content))
+
+
+THIN = [-5, -46, -100, -1000]  # ln sigma
+PLY = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
+       "rot_2", "rot_3"]
+CAMERA = {"id": 0, "img_name": "a", "width": 320, "height": 120, "fx": 200, "fy": 200, "cx": 160, "cy": 60,
+          "position": [0, 0, -9], "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+
+
+def write_thin(folder):
+    """PLYs of discs, of needles, and of one Gaussian as wide as everything, and the camera that sees them."""
+    turn = (math.cos(0.25), 0.6 * math.sin(0.25), 0.8 * math.sin(0.25), 0)
+    row = lambda scale: [(3 * i - 4.5, 0, 0, 1, 0.2 * i, -1, 3, *scale(s), *turn) for i, s in enumerate(THIN)]
+    scenes = {"discs": row(lambda s: (math.log(0.8), math.log(0.6), s)), "needles": row(lambda s: (s, -0.2, s)),
+              "wide": [(0, 0, 0, 1, 0, -1, 0, 45, -1, -2, *turn)]}
+    for name, splats in scenes.items():
+        head = "".join(f"property float {p}\n" for p in PLY)
+        head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(splats)}\n{head}end_header\n"
+        body = b"".join(struct.pack("<14f", *splat) for splat in splats)
+        (folder / f"{name}.ply").write_bytes(head.encode() + body)
+    (folder / "cameras.json").write_text(json.dumps([CAMERA]))
+    return list(scenes)
+
+
+def with_zero_scales(glb):
+    """The GLB with SCALE.z 0 in every splat."""
+    content = bytearray(glb)
+    length = struct.unpack_from("<I", content, 12)[0]
+    gltf = json.loads(content[20:20 + length])
+    index = gltf["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SCALE"]
+    accessor = gltf["accessors"][index]
+    view = gltf["bufferViews"][accessor["bufferView"]]
+    first = 28 + length + view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    for i in range(accessor["count"]):
+        struct.pack_into("<f", content, first + i * view.get("byteStride", 12) + 8, 0)
+    return bytes(content)
 
 
 def expect(what, ok, found=""):
@@ -168,6 +209,26 @@ def main():
                 expect(f"{name} starts at {shape} as in tgview, at least {START_DB:.0f} dB",
                        difference.psnr >= START_DB, difference)
 
+        # Sigmas beyond what squares of floats hold, and such as no model has.
+        for name in write_thin(folder):
+            for end in ("glb", "html"):
+                run(programs / "tgconvert", folder / f"{name}.ply", folder / f"{name}.{end}", "--views",
+                    folder / "cameras.json", "--quiet")
+            if name == "discs":
+                zero = with_zero_scales((folder / "discs.glb").read_bytes())
+                (folder / "zero.glb").write_bytes(zero)
+                packed = base64.b64encode(gzip.compress(zero)).decode()
+                (folder / "zero.html").write_text(re.sub('(class="model">)[^<]*', lambda found: found[1] + packed,
+                                                         (folder / "discs.html").read_text(), count=1))
+        for file in ("discs.ply", "needles.ply", "wide.ply", "zero.glb"):
+            browser.open(f"{(folder / file).with_suffix('.html').as_uri()}?size=320x120&panel=off")
+            for intersection in ("plane", "maxResponse"):
+                run(programs / "tgview", folder / file, "--render", folder / "thin.png", "--backend", "cpu", "--camera",
+                    folder / "cameras.json", "--intersection", intersection)
+                picture = browser.evaluate(f"tgViewer.picture({{intersection: '{intersection}'}})")
+                difference = Difference(browser, from_data_url(picture), (folder / "thin.png").read_bytes())
+                expect(f"{file}, {intersection}, at least {FINAL_DB:.0f} dB", difference.psnr >= FINAL_DB, difference)
+
         # A model that says itself what lies beyond its textures.
         if model.suffix == ".tgz":
             with_outside(model, folder / "clip.tgz", "clip")
@@ -185,6 +246,8 @@ def main():
         expect("a damaged page says so", "damaged" in done.get("error", "") and shown, done)
         done = browser.open(f"{page}?camera=100000&show=nothing&size={size}&background=red")
         told = browser.evaluate("document.getElementById('message').innerText")
+        limit = browser.evaluate("(() => { try { tgViewer.setSize('9000x10'); } catch (e) { return e.message; } })()")
+        expect("a size beyond the limit names it", limit.startswith("size=9000x10") and "8192" in limit, limit)
         named = all(word in told for word in ("camera=100000", "show=nothing", "background=red"))
         expect("a bad address is named, and the rest of it done", named and done.get("gaussians", 0) > 0 and
                browser.evaluate("tgViewer.canvas.width") == int(size.split("x")[0]), f"{done} {told}")

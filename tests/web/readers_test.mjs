@@ -129,10 +129,11 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
     const own = [...early.mean.subarray(3 * from, 3 * to)];
     const below = own.filter((x, k) => k % 3 === 0 && Math.min(x, own[k + 1], own[k + 2]) < 0).length;
     const logarithms = 2 * below >= to - from;
-    const right = own.map((x) => (logarithms ? Math.fround(Math.exp(x)) : Math.abs(x)));
+    const right = own.map((x) => (logarithms ? Math.fround(Math.exp(x)) : Math.abs(x) || 'of 0'));
     noted += logarithms;
     signs += logarithms ? 0 : below;
-    expect(`scales ${from} to ${to}`, equal(early.scale.subarray(3 * from, 3 * to), right));
+    const found = early.scale.subarray(3 * from, 3 * to);
+    expect(`scales ${from} to ${to}`, right.every((x, k) => x === found[k] || (x === 'of 0' && found[k] > 0)), found);
   }
   const ofLogarithms = early.notes.filter((note) => note.includes('logarithms')).length;
   expect('logarithms are told', noted > 0 && ofLogarithms === noted && early.notes.length === noted + (signs > 0),
@@ -287,6 +288,11 @@ for (const [key, value] of [['intersection', ''], ['intersection', 0], ['extent'
   expect('and told', mended.notes.join(' ') === '2 splats with an opacity outside [0, 1]: clamped. ' +
          '1 splats with a negative scale: sign dropped.', mended.notes);
   expect('not in the file\'s bytes', before.every((x, k) => x === spoilt[k]));
+  const flat = await readModel(madeFile(() => {}, spoil(put(own('SCALE'), 0, 3), put(own('SCALE'), 1, 2),
+                                                        put(own('SCALE'), 2, 0), put(own('SCALE'), 3, 0),
+                                                        put(own('SCALE'), 4, 0), put(own('SCALE'), 5, 0))));
+  expect('scales of 0 have a size', String([...flat.scale.subarray(0, 6)]) ===
+         String([3, 2, 2e-4, 1e-10, 1e-10, 1e-10].map(Math.fround)) && flat.notes.length === 0, flat.scale);
   const without = (list, width) => [...list].filter((_, k) => Math.floor(k / width) !== 1);
   const same = (list, from, width) => String([...list]) === String(without(from, width));
   const places = [put('POSITION', 3, NaN), put('POSITION', 5, Infinity), put(own('ROTATION'), 4, NaN),

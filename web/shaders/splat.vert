@@ -99,7 +99,9 @@ void main() {
   int a = axisU(c), b = axisV(c);
   mat3 axes = u_camera_from_world * rotationFromQuaternion(vec4(xyzw.w, xyzw.x, xyzw.y, xyzw.z));
   axes = mat3(axes[a], axes[b], axes[c]);
-  scale = vec3(scale[a], scale[b], scale[c]);
+  scale = drawnScale(vec3(scale[a], scale[b], scale[c]));
+  float longest = max(scale.x, max(scale.y, scale.z));
+  if (longest <= kScaleMin) return;
 
   vec4 box;
   bool flat_c = u_intersection == kIntersectPlane;
@@ -122,9 +124,10 @@ void main() {
     vec3 first = u_fallback ? fallback.xyz : gaussianTexel(column, row, 3).xyz;
     color = baseColor(column, row, normalize(from_eye), first);
   }
-  Splat s = makeSplat(mean_c, axes, scale, u_focal_center, opacity, color);
-  v_wx_r = s.wx_r;
-  v_wy_g = s.wy_g;
+  // In units of the longest axis, so that squares stay within float: hits are quotients of W and D alone.
+  Splat s = makeSplat(mean_c, axes, scale / longest, u_focal_center, opacity, color);
+  v_wx_r = vec4(s.wx_r.xyz / longest, s.wx_r.w);
+  v_wy_g = vec4(s.wy_g.xyz / longest, s.wy_g.w);
   v_dx_b = s.dx_b;
   v_dy_layer = vec4(s.dy_offset.xyz, scale_layer.w);
   v_d0_opacity = vec4(s.d0_size.xyz, opacity);

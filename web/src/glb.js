@@ -25,6 +25,8 @@ export const OUTSIDES = {base: 0, clip: 1, edge: 2};          // kOutside*
 const MOST_ATLASES = 255;
 const MOST_ATLASES_TEXELS = 1 << 28;  // of all images of a layer, as tgconvert has it; MAX_ATLAS_TEXELS each
 const LEAST_NORM2 = 1e-12;            // of a quaternion that turns
+const ZERO_SCALE_FRACTION = 1e-4;     // a scale of 0 is that of the smallest other one, as tgconvert has it
+const POINT_SCALE = 1e-10;            // [world units] at least
 const NUMBERS_AT_A_TIME = 65536;      // between two looks at the clock
 const NODES_TO_BREATHE = 4096;
 
@@ -374,8 +376,23 @@ function fromLogarithms(scale, componentType) {
   return signed || floats ? scale.map(Math.exp) : null;
 }
 
+// Scales, none below 0, without one of 0; the list itself where it has none.
+async function withoutZeroScales(list) {
+  let own = list;
+  for (let i = 0; i < list.length; i += 3) {
+    if (i % (3 * NUMBERS_AT_A_TIME) === 0) await breathe();
+    if (list[i] !== 0 && list[i + 1] !== 0 && list[i + 2] !== 0) continue;
+    const others = list.subarray(i, i + 3).filter((scale) => scale !== 0);
+    const least = others.length > 0 ? Math.min(...others) : 0;
+    if (own === list) own = list.slice();
+    for (let k = i; k < i + 3; ++k) own[k] = list[k] || Math.max(ZERO_SCALE_FRACTION * least, POINT_SCALE);
+  }
+  return own;
+}
+
 // Drops splats with numbers that are not finite or with a quaternion of length 0, takes the sign of scales and clamps
-// opacities, as tgconvert does, each with a note. Lists that are fine stay as they are, which may be the file's bytes.
+// opacities, as tgconvert does, each with a note, and gives scales of 0 a size. Lists that are fine stay as they are,
+// which may be the file's bytes.
 async function mendSplats(model) {
   const {layer, notes} = model;
   const lists = [[model, 'mean', 3], [model, 'rotation', 4], [model, 'scale', 3], [model, 'opacity', 1]];
@@ -421,6 +438,9 @@ async function mendSplats(model) {
   };
   await mend('opacity', (value) => Math.min(Math.max(value, 0), 1), 'an opacity outside [0, 1]: clamped');
   await mend('scale', Math.abs, 'a negative scale: sign dropped');
+  for (const owner of [model, layer]) {
+    if (owner && owner.scale) owner.scale = await withoutZeroScales(owner.scale);
+  }
   const left = model.count - say(dropped, 'values that are not finite or a quaternion of length 0: dropped');
   if (left === 0) throw new Error('no splat is left: none had finite values');
   if (left === model.count) return;

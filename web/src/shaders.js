@@ -120,6 +120,8 @@ const float kEllipsoidAmbient = 0.25f;
 const float kCenterRadius = 1.5f;
 const float kShC0 = 0.28209479177387814f;
 const float kThinnest = 2e-9f;
+const float kScaleMin = 1e-18f;
+const float kScaleMax = 1e18f;
 const uint kModeNone = 0u;
 const uint kModeAlpha = 1u;
 const uint kModeRgb = 2u;
@@ -173,6 +175,11 @@ TG_FN int shortestAxis(vec3 scale) {
 }
 TG_FN int axisU(int c) { return c == 0 ? 1 : 0; }
 TG_FN int axisV(int c) { return c == 2 ? 1 : 2; }
+TG_FN vec3 drawnScale(vec3 scale) {
+  float longest = min(max(scale.x, max(scale.y, scale.z)), kScaleMax);
+  float shortest = kThinnest * longest;
+  return vec3(clamp(scale.x, shortest, longest), clamp(scale.y, shortest, longest), clamp(scale.z, shortest, longest));
+}
 TG_FN float visibleRadius(float opacity) {
   float v = 2.0f * log(opacity / kAlphaMin);
   return v > 0.0f ? sqrt(v) * 1.0002f : 0.0f;
@@ -466,7 +473,9 @@ void main() {
   int a = axisU(c), b = axisV(c);
   mat3 axes = u_camera_from_world * rotationFromQuaternion(vec4(xyzw.w, xyzw.x, xyzw.y, xyzw.z));
   axes = mat3(axes[a], axes[b], axes[c]);
-  scale = vec3(scale[a], scale[b], scale[c]);
+  scale = drawnScale(vec3(scale[a], scale[b], scale[c]));
+  float longest = max(scale.x, max(scale.y, scale.z));
+  if (longest <= kScaleMin) return;
   vec4 box;
   bool flat_c = u_intersection == kIntersectPlane;
   bool bounded = splatBox(mean_c, axes, scale, radius, flat_c, u_focal_center, box);
@@ -487,9 +496,9 @@ void main() {
     vec3 first = u_fallback ? fallback.xyz : gaussianTexel(column, row, 3).xyz;
     color = baseColor(column, row, normalize(from_eye), first);
   }
-  Splat s = makeSplat(mean_c, axes, scale, u_focal_center, opacity, color);
-  v_wx_r = s.wx_r;
-  v_wy_g = s.wy_g;
+  Splat s = makeSplat(mean_c, axes, scale / longest, u_focal_center, opacity, color);
+  v_wx_r = vec4(s.wx_r.xyz / longest, s.wx_r.w);
+  v_wy_g = vec4(s.wy_g.xyz / longest, s.wy_g.w);
   v_dx_b = s.dx_b;
   v_dy_layer = vec4(s.dy_offset.xyz, scale_layer.w);
   v_d0_opacity = vec4(s.d0_size.xyz, opacity);

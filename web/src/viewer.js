@@ -375,7 +375,7 @@ export class Viewer {
   setSize(text) {
     const size = text === 'window' ? null : String(text).split('x').map(Number);
     if (size && !(size.length === 2 && size.every((n) => Number.isInteger(n) && n > 0 && n <= MAX_FIXED_SIDE))) {
-      throw new Error(`size=${text} (expected WxH)`);
+      throw new Error(`size=${text} (expected WxH, 1 to ${MAX_FIXED_SIDE} pixels each, or window)`);
     }
     this.fixedSize = size;
     const ratio = window.devicePixelRatio || 1;
