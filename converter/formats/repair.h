@@ -34,9 +34,10 @@ inline glm::vec3 logFromScale(glm::vec3 scale) {
 
 constexpr double kMostScale = std::numeric_limits<float>::max();
 
-// Clipped to what a float holds.
+// Clipped to what a float holds in full: readers take a scale of 0 for one that has no logarithm.
 inline float scaleFromLog(float log_scale) {
-  return static_cast<float>(std::min(std::exp(static_cast<double>(log_scale)), kMostScale));
+  constexpr double kLeastScale = std::numeric_limits<float>::min();
+  return static_cast<float>(std::clamp(std::exp(static_cast<double>(log_scale)), kLeastScale, kMostScale));
 }
 inline bool clipsScale(glm::vec3 log_scale) {
   return std::exp(static_cast<double>(std::max({log_scale.x, log_scale.y, log_scale.z}))) > kMostScale;

@@ -95,6 +95,16 @@ TEST_CASE("several primitives share their views, have bounds of their own, and a
   }
 }
 
+TEST_CASE("an axis that no float holds is written as thin as one can be") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(SceneKind::ordinary, 8, 2).model;
+  model.texture_mode = TextureMode::none;
+  model.atlas = {};
+  model.log_scale[1] = {-1.0f, -2.0f, -1000.0f};
+  CHECK(written(model, scratch).values<float>("KHR_gaussian_splatting:SCALE", 3)[5] ==
+        std::numeric_limits<float>::min());
+}
+
 TEST_CASE("a model without textures has no trace of our extension") {
   const Scratch scratch;
   GaussianModel model = test::makeScene(SceneKind::ordinary, 22, 40).model;
