@@ -74,21 +74,21 @@ class Run {
 
   void step() {
     const std::size_t view = static_cast<std::size_t>(iteration_) * 7 % bench_.cameras.size();
-    StepInput input{.camera = bench_.cameras[view],
-                    .view = view,
-                    .photograph = photographs_[view],
-                    .background = glm::vec3(0.0f),
-                    .background_varies = false,
-                    .iteration = ++iteration_,
-                    .gradient = {},
-                    .gather_statistics = bench_.statistics,
-                    .rates = rates_,
-                    .mcmc = false,
-                    .opacity_weight = 0,
-                    .scale_weight = 0,
-                    .noise = 0,
-                    .noise_seed = 0,
-                    .clamp_colors = false};
+    StepInput input{{.view = view,
+                     .background = glm::vec3(0.0f),
+                     .background_varies = false,
+                     .iteration = ++iteration_,
+                     .gradient = {},
+                     .gather_statistics = bench_.statistics,
+                     .rates = rates_,
+                     .mcmc = false,
+                     .opacity_weight = 0,
+                     .scale_weight = 0,
+                     .noise = 0,
+                     .noise_seed = 0,
+                     .clamp_colors = false},
+                    bench_.cameras[view],
+                    photographs_[view]};
     input.gradient.statistics = bench_.statistics;
     engine_->step(state_, input);
   }

@@ -27,69 +27,16 @@ enum class Order : std::uint8_t {
   end
 };
 
-// A StepInput without what only one rank has.
 struct StepOrder {
+  StepChoices choices;
   Pinhole camera;
-  std::size_t view;
-  std::size_t following;
-  bool follows;
-  glm::vec3 background;
-  bool background_varies;
-  int iteration;
-  GradientOptions gradient;
-  bool gather_statistics;
-  LearningRates rates;
-  bool mcmc;
-  float opacity_weight, scale_weight, noise;
-  std::uint64_t noise_seed;
-  bool clamp_colors;
   float ssim_weight;
 };
-
-StepOrder orderOf(const StepInput& input, float ssim_weight) {
-  return {input.camera,
-          input.view,
-          input.following.value_or(0),
-          input.following.has_value(),
-          input.background,
-          input.background_varies,
-          input.iteration,
-          input.gradient,
-          input.gather_statistics,
-          input.rates,
-          input.mcmc,
-          input.opacity_weight,
-          input.scale_weight,
-          input.noise,
-          input.noise_seed,
-          input.clamp_colors,
-          ssim_weight};
-}
 
 Camera cameraOf(const Pinhole& pinhole) {
   Camera camera;
   static_cast<Pinhole&>(camera) = pinhole;
   return camera;
-}
-
-// camera: order's, which the input refers to.
-StepInput inputOf(const StepOrder& order, const Camera& camera) {
-  return {.camera = camera,
-          .view = order.view,
-          .following = order.follows ? std::optional(order.following) : std::nullopt,
-          .photograph = nullptr,
-          .background = order.background,
-          .background_varies = order.background_varies,
-          .iteration = order.iteration,
-          .gradient = order.gradient,
-          .gather_statistics = order.gather_statistics,
-          .rates = order.rates,
-          .mcmc = order.mcmc,
-          .opacity_weight = order.opacity_weight,
-          .scale_weight = order.scale_weight,
-          .noise = order.noise,
-          .noise_seed = order.noise_seed,
-          .clamp_colors = order.clamp_colors};
 }
 
 struct DrawOrder {
@@ -114,7 +61,7 @@ class ShardedEngine final : public TrainingEngine {
   bool takesPhotographs() const override { return true; }
   void step(RunState& state, const StepInput& input) override {
     change(state);
-    give(channel_, Order::step, orderOf(input, ssim_weight_));
+    give(channel_, Order::step, StepOrder{input, input.camera, ssim_weight_});
     losses_.push_back(part_.step(input, ssim_weight_));
   }
   std::vector<LossValue> losses(RunState&, bool) override { return std::exchange(losses_, {}); }
@@ -242,7 +189,7 @@ int serveRank(Channel& channel, const Dataset& dataset) {
       case Order::step: {
         const auto order = reader.get<StepOrder>();
         const Camera camera = cameraOf(order.camera);
-        part.step(inputOf(order, camera), order.ssim_weight);
+        part.step({order.choices, camera, nullptr}, order.ssim_weight);
         break;
       }
       case Order::draw: {

@@ -495,11 +495,9 @@ void Trainer::iterate() {
     rates.texel_decay = 0;
     if (phase >= Quantized::shRest) rates.sh.rest = 0;
   }
-  StepInput input{
-      .camera = dataset_.views[view],
+  StepChoices choices{
       .view = view,
       .following = following,
-      .photograph = photograph,
       .background = background,
       .background_varies = dataset_.random_background,
       .iteration = iteration,
@@ -512,12 +510,11 @@ void Trainer::iterate() {
       .noise = static_cast<float>(settings_.mcmc_noise * extent_ *
                                   decayedRate(kNoiseRate, kNoiseRateEnd, iteration, iterationsOf(state_.stage))),
       .noise_seed = stream(settings_.seed, Stream::noise).bits(),
-      .clamp_colors = settings_.texture_init == TextureInit::paper,
-      .texture_groups = *state_.texture_groups};
-  input.gradient.statistics = input.gather_statistics;
-  input.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
-  input.gradient.texture_in_suffix = settings_.texture_gradient_suffix;
-  engine_->step(state_, input);
+      .clamp_colors = settings_.texture_init == TextureInit::paper};
+  choices.gradient.statistics = choices.gather_statistics;
+  choices.gradient.texture_to_geometry = settings_.texture_gradient_geometry;
+  choices.gradient.texture_in_suffix = settings_.texture_gradient_suffix;
+  engine_->step(state_, {choices, dataset_.views[view], photograph, *state_.texture_groups});
   plain_.reset();
   if (first_stage) densifyAndSchedule(iteration);
   const int left = iterationsOf(state_.stage) - iteration;

@@ -21,14 +21,11 @@
 
 namespace tg {
 
-struct StepInput {
-  const Camera& camera;  // stays where it is until the step's loss is known
-  std::size_t view;      // of the data set
+// What a step is told beside what lies in memory: plain numbers, which cross from process to process as a whole.
+struct StepChoices {
+  std::size_t view;  // of the data set
   // The view of the next step, where it is known.
   std::optional<std::size_t> following = {};
-  // What the picture is compared with; the same for every step with this view unless background_varies. Null where the
-  // engine takes it from the data set itself.
-  std::shared_ptr<const ViewPixels> photograph;
   glm::vec3 background;
   bool background_varies;
   int iteration;  // of the stage, from 1
@@ -41,6 +38,13 @@ struct StepInput {
   float noise;
   std::uint64_t noise_seed;
   bool clamp_colors;  // texel colours to [0, 1]
+};
+
+struct StepInput : StepChoices {
+  const Camera& camera;  // stays where it is until the step's loss is known
+  // What the picture is compared with; the same for every step with this view unless background_varies. Null where the
+  // engine takes it from the data set itself.
+  std::shared_ptr<const ViewPixels> photograph;
   // [N] textureGroups(): Gaussians of a group keep to one texture. Empty: each has its own.
   std::span<const std::uint32_t> texture_groups = {};
 };

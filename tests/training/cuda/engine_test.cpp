@@ -32,21 +32,21 @@ class Run {
 
   // Far away every splat lies in one tile, near in several.
   void step(bool near, float background = 0.0f) {
-    StepInput input{.camera = near ? near_ : far_,
-                    .view = 0,
-                    .photograph = dataset_.pixels(0),
-                    .background = glm::vec3(background),
-                    .background_varies = false,
-                    .iteration = ++iteration_,
-                    .gradient = {},
-                    .gather_statistics = true,
-                    .rates = {.mean = 1e-3f},
-                    .mcmc = true,
-                    .opacity_weight = 0.01f,
-                    .scale_weight = 0.01f,
-                    .noise = 0.1f,
-                    .noise_seed = 3,
-                    .clamp_colors = false};
+    StepInput input{{.view = 0,
+                     .background = glm::vec3(background),
+                     .background_varies = false,
+                     .iteration = ++iteration_,
+                     .gradient = {},
+                     .gather_statistics = true,
+                     .rates = {.mean = 1e-3f},
+                     .mcmc = true,
+                     .opacity_weight = 0.01f,
+                     .scale_weight = 0.01f,
+                     .noise = 0.1f,
+                     .noise_seed = 3,
+                     .clamp_colors = false},
+                    near ? near_ : far_,
+                    dataset_.pixels(0)};
     engine_->step(state_, input);
   }
   std::vector<LossValue> losses(bool wait) { return engine_->losses(state_, wait); }

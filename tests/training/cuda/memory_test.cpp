@@ -135,26 +135,26 @@ Steps twoSteps(const GaussianModel& model, const Camera& camera, const Sizes& si
   photograph->width = camera.size.x;
   photograph->height = camera.size.y;
   photograph->rgb.assign(3 * sizes.pixels(), 100);
-  StepInput input{.camera = camera,
-                  .view = 0,
-                  .photograph = photograph,
-                  .background = glm::vec3(0.0f),
-                  .background_varies = false,
-                  .iteration = 1,
-                  .gradient = {.statistics = sizes.statistics},
-                  .gather_statistics = sizes.statistics,
-                  .rates = {.mean = 1e-3f,
-                            .rotation = 1e-3f,
-                            .log_scale = 5e-3f,
-                            .opacity_logit = 0.05f,
-                            .sh = {2e-3f, 1e-4f},
-                            .texels = 2e-3f},
-                  .mcmc = false,
-                  .opacity_weight = 0,
-                  .scale_weight = 0,
-                  .noise = 0,
-                  .noise_seed = 0,
-                  .clamp_colors = false};
+  StepInput input{{.view = 0,
+                   .background = glm::vec3(0.0f),
+                   .background_varies = false,
+                   .iteration = 1,
+                   .gradient = {.statistics = sizes.statistics},
+                   .gather_statistics = sizes.statistics,
+                   .rates = {.mean = 1e-3f,
+                             .rotation = 1e-3f,
+                             .log_scale = 5e-3f,
+                             .opacity_logit = 0.05f,
+                             .sh = {2e-3f, 1e-4f},
+                             .texels = 2e-3f},
+                   .mcmc = false,
+                   .opacity_weight = 0,
+                   .scale_weight = 0,
+                   .noise = 0,
+                   .noise_seed = 0,
+                   .clamp_colors = false},
+                  camera,
+                  photograph};
   engine->step(state, input);
   steps.first_bytes = cuda::allocatedBytes() - before;
   input.iteration = 2;

@@ -167,21 +167,21 @@ TEST_CASE("texels that move out of [0, 1] come back to it, colours where that is
   tg::ModelGradient again = gradient;
   tg::DensityStatistics statistics;
   const tg::Camera camera;
-  tg::StepInput input{.camera = camera,
-                      .view = 0,
-                      .photograph = nullptr,
-                      .background = glm::vec3(0.0f),
-                      .background_varies = false,
-                      .iteration = 1,
-                      .gradient = {},
-                      .gather_statistics = false,
-                      .rates = {.texels = 5},
-                      .mcmc = false,
-                      .opacity_weight = 0,
-                      .scale_weight = 0,
-                      .noise = 0,
-                      .noise_seed = 0,
-                      .clamp_colors = true};
+  tg::StepInput input{{.view = 0,
+                       .background = glm::vec3(0.0f),
+                       .background_varies = false,
+                       .iteration = 1,
+                       .gradient = {},
+                       .gather_statistics = false,
+                       .rates = {.texels = 5},
+                       .mcmc = false,
+                       .opacity_weight = 0,
+                       .scale_weight = 0,
+                       .noise = 0,
+                       .noise_seed = 0,
+                       .clamp_colors = true},
+                      camera,
+                      nullptr};
   tg::updateParameters(state, {}, statistics, input, {0, 2}, gradient);
   input.clamp_colors = false;
   tg::updateParameters(free, {}, statistics, input, {0, 2}, again);
