@@ -236,12 +236,7 @@ class CudaTrainingEngine final : public TrainingEngine {
 
   LossValue lossOf(const StepRecord& record, double counted) const {
     const double* sums = record.sums;
-    LossValue loss;
-    loss.l1 = sums[0] / counted;
-    loss.ssim = sums[1] / counted;
-    loss.mean_squared_error = sums[2] / counted;
-    loss.total = (1 - ssim_weight_) * loss.l1 + ssim_weight_ * (1 - loss.ssim);
-    return loss;
+    return tg::lossOf({.l1 = sums[0], .ssim = sums[1], .squared = sums[2]}, counted, ssim_weight_);
   }
 
   const float ssim_weight_;

@@ -268,6 +268,15 @@ void PhotometricLoss::evaluateRows(int width, int height, LossRows rows, std::si
   }
 }
 
+LossValue lossOf(const LossRowSums& sums, double counted, float ssim_weight) {
+  LossValue loss;
+  loss.l1 = sums.l1 / counted;
+  loss.ssim = sums.ssim / counted;
+  loss.mean_squared_error = sums.squared / counted;
+  loss.total = (1 - ssim_weight) * loss.l1 + ssim_weight * (1 - loss.ssim);
+  return loss;
+}
+
 LossValue PhotometricLoss::total(int width, int height, std::size_t ignored,
                                  std::span<const LossRowSums> row_sums) const {
   TG_ASSERT(row_sums.size() == 3 * static_cast<std::size_t>(height), "sums of every row");
@@ -278,12 +287,7 @@ LossValue PhotometricLoss::total(int width, int height, std::size_t ignored,
     sums.ssim += row.ssim;
     sums.squared += row.squared;
   }
-  LossValue loss;
-  loss.l1 = sums.l1 / counted;
-  loss.ssim = sums.ssim / counted;
-  loss.mean_squared_error = sums.squared / counted;
-  loss.total = (1 - ssim_weight_) * loss.l1 + ssim_weight_ * (1 - loss.ssim);
-  return loss;
+  return lossOf(sums, counted, ssim_weight_);
 }
 
 }  // namespace tg

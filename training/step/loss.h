@@ -15,10 +15,12 @@ struct LossValue {
   double mean_squared_error = 0;  // after clamping the picture to [0, 1], for PSNR
 };
 
-// What a row of pixels adds in one channel.
+// What a row of pixels adds in one channel, or all rows in all.
 struct LossRowSums {
   double l1 = 0, ssim = 0, squared = 0;
 };
+// Of a picture's sums, to which `counted` values add.
+LossValue lossOf(const LossRowSums& sums, double counted, float ssim_weight);
 
 // Rows [first, end) of a picture, by whoever has them and their surroundings.
 struct LossRows {
