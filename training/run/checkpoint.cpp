@@ -24,6 +24,7 @@
 #include "core/file/file.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/member_count.h"
 #include "training/run/trainer.h"
 
 namespace tg {
@@ -180,20 +181,6 @@ class BlockReader {
 
 template <typename T, typename Plain>
 concept Is = std::same_as<std::remove_const_t<T>, Plain>;
-
-// Bases and members of an aggregate, for one that no structured binding takes apart since its base has members, too.
-struct Anything {
-  template <typename T>
-  operator T() const;
-};
-template <typename T, typename... Given>
-consteval std::size_t memberCount() {
-  if constexpr (requires { T{Given()..., Anything()}; }) {
-    return memberCount<T, Given..., Anything>();
-  } else {
-    return sizeof...(Given);
-  }
-}
 
 // Names every member of a state. A member that is added to one of these structs breaks its structured binding here.
 template <typename Archive>
@@ -422,6 +409,16 @@ NamedLines parseLines(const std::string& text) {
   return lines;
 }
 
+// Settings of a run with those that its program did not know, and did what their defaults say.
+std::string withDefaults(std::string settings) {
+  const NamedLines lines = parseLines(settings);
+  for (const SettingEntry& entry : settingEntries()) {
+    const bool known = std::ranges::find(lines, entry.name, &NamedLines::value_type::first) != lines.end();
+    if (!known) settings += entry.name + " " + entry.get({}) + "\n";
+  }
+  return settings;
+}
+
 // "NAME (expected OLD, found NEW)" of the first line that is not the same in both; "" when all are.
 std::string firstDifference(const std::string& old_text, const std::string& new_text, const std::string& prefix) {
   const NamedLines old_lines = parseLines(old_text), new_lines = parseLines(new_text);
@@ -555,7 +552,8 @@ Checkpoint parseCheckpoint(std::span<const std::uint8_t> bytes, const std::strin
 
 void checkResumable(const Checkpoint& checkpoint, const RunIdentity& identity, const Dataset& dataset,
                     const TrainSettings& settings, const std::string& path) {
-  const std::string setting = firstDifference(checkpoint.header.identity.settings, identity.settings, "--");
+  const std::string setting =
+      firstDifference(withDefaults(checkpoint.header.identity.settings), identity.settings, "--");
   if (!setting.empty()) throw Error(ErrorKind::usage, path, "is of a run with other settings: " + setting);
   const std::string data = firstDifference(checkpoint.header.identity.data, identity.data, "");
   if (!data.empty()) throw Error(ErrorKind::usage, path, "is of a run with other data: " + data);

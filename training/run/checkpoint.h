@@ -52,7 +52,8 @@ Checkpoint readCheckpoint(const std::filesystem::path& path);
 Checkpoint parseCheckpoint(std::span<const std::uint8_t> bytes, const std::string& path);
 
 // Throws Error(usage) naming the first setting or fact about the data that differs, Error(badData) for a state that no
-// run with these settings and data can reach. `path` starts the message.
+// run with these settings and data can reach. A setting that the checkpoint does not name is one that came later: its
+// default is what happened before. `path` starts the message.
 void checkResumable(const Checkpoint& checkpoint, const RunIdentity& identity, const Dataset& dataset,
                     const TrainSettings& settings, const std::string& path);
 

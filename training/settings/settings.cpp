@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <type_traits>
 
 #include "core/model/texture_dictionary.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/member_count.h"
 #include "core/system/numbers.h"
 
 namespace tg {
@@ -69,7 +71,7 @@ constexpr double kLargestRate = 10;
 
 std::vector<SettingEntry> makeEntries() {
   using S = TrainSettings;
-  return {
+  const SettingEntry entries[] = {
       number("iterations", &S::iterations, 0, kMostIterations, "steps", "Stage 1: plain Gaussians"),
       number("texture-iterations", &S::texture_iterations, 0, kMostIterations, "steps", "Stage 2: with textures"),
       number("quantize-iterations", &S::quantize_iterations, 0, kMostIterations, "steps",
@@ -150,6 +152,8 @@ std::vector<SettingEntry> makeEntries() {
       onOff("compare-untextured", &S::compare_untextured,
             "Also run stage 2 without textures from the same stage-1 model, and report both"),
   };
+  static_assert(std::size(entries) == memberCount<S>(), "every member of TrainSettings has its row here");
+  return {std::begin(entries), std::end(entries)};
 }
 
 }  // namespace

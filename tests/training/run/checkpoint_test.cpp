@@ -368,7 +368,7 @@ TEST_CASE("a checkpoint of other settings or data is refused by the first differ
   checkpoint.header.identity.settings += "invented 1\n";
   CHECK_THROWS_WITH(check(dataset, settings), Contains("--invented (not known to this program)"));
   checkpoint.header.identity.settings = "seed 1\n";
-  CHECK_THROWS_WITH(check(dataset, settings), Contains("--iterations (not known to the program that wrote it)"));
+  CHECK_THROWS_WITH(check(dataset, settings), Contains("--iterations (expected 7000, found 24)"));
   checkpoint.header.identity.settings = tg::runIdentity(dataset, settings, "").settings;
 
   checkpoint.state.iteration = 25;
@@ -376,6 +376,33 @@ TEST_CASE("a checkpoint of other settings or data is refused by the first differ
   checkpoint.state.iteration = 3;
   checkpoint.state.order.views[0] = 5;  // a test view
   CHECK_THROWS_WITH(check(dataset, settings), Contains("order.views: expected every training view once"));
+}
+
+TEST_CASE("a checkpoint from before a setting is that of its default", "[checkpoint]") {
+  const tg::Dataset dataset = tg::test::sampleDataset(kScene);
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  const tg::TrainSettings settings = shortRun();
+  tg::Checkpoint checkpoint{{tg::runIdentity(dataset, settings, ""), 0, 0}, {}};
+  {
+    tg::Trainer trainer(dataset, settings, *renderer);
+    for (int i = 0; i < 3; ++i) trainer.step();
+    checkpoint.state = trainer.state();
+  }
+  std::string& known = checkpoint.header.identity.settings;
+  const std::string line = "ssim-weight 0.2\n";
+  const std::size_t at = known.find(line);
+  REQUIRE(at != std::string::npos);
+  known.erase(at, line.size());
+  const auto check = [&](const tg::TrainSettings& other) {
+    tg::checkResumable(checkpoint, tg::runIdentity(dataset, other, ""), dataset, other, "c");
+  };
+  CHECK_NOTHROW(check(settings));
+  tg::Trainer resumed(dataset, settings, *renderer, checkpoint.state);
+  CHECK(resumed.step());
+  tg::TrainSettings other = settings;
+  other.ssim_weight = 0.5f;
+  CHECK_THROWS_WITH(check(other),
+                    Contains("c: is of a run with other settings: --ssim-weight (expected 0.2, found 0.5)"));
 }
 
 TEST_CASE("a checkpoint that cannot be written leaves the old one", "[checkpoint]") {
