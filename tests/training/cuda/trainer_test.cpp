@@ -8,6 +8,7 @@
 #include "support/cuda_orders.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
+#include "training/every_setting.h"
 #include "training/render_picture.h"
 #include "training/run/trainer.h"
 #include "training/sample_dataset.h"
@@ -185,4 +186,25 @@ TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run,
     CHECK(rest.model().mean == whole.model().mean);
     CHECK(rest.model().atlas.texels == whole.model().atlas.texels);
   }
+}
+
+// Of those that the CPU shows in so few steps: a term that the kernels lack is found here.
+TEST_CASE("a setting that changes what the CPU trains changes it with CUDA") {
+  const Dataset dataset = test::tinyDataset(12, 20);
+  test::SettingEffects cpu(dataset, [] { return makeCpuDifferentiableRenderer(); });
+  test::SettingEffects cuda(dataset, makeCudaDifferentiableRenderer);
+  int shown = 0;
+  for (const SettingEntry& entry : settingEntries()) {
+    test::SettingRuns runs = test::runsOf(entry);
+    for (TrainSettings* settings : {&runs.usual, &runs.changed}) {
+      settings->iterations = 4;  // with a round after the third
+      settings->texture_iterations = 2;
+    }
+    if (!cpu.changesModel(runs)) continue;
+    ++shown;
+    INFO(entry.name);
+    CHECK(cuda.changesModel(runs));
+  }
+  CAPTURE(shown);
+  CHECK(shown > 30);
 }

@@ -11,6 +11,7 @@
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "training/every_setting.h"
 #include "training/mpi/engine.h"
 #include "training/mpi/part.h"
 #include "training/mpi/thread_channel.h"
@@ -162,6 +163,28 @@ TEST_CASE("training has the same bytes by any number of ranks: masks that hide p
   }
   dataset.photographs = tg::storeInMemory(std::move(photographs));
   checkSame(settings, dataset);
+}
+
+// A part of a step that does not cross to the others changes these bytes.
+TEST_CASE("two ranks train the bytes of one with any setting off its default") {
+  const tg::Dataset dataset = tg::test::tinyDataset();
+  for (const tg::SettingEntry& entry : tg::settingEntries()) {
+    if (entry.name == "texture-dictionary") continue;  // refused: not under mpirun
+    INFO(entry.name);
+    const tg::TrainSettings settings = tg::test::runsOf(entry).changed;
+    const tg::TrainResult alone = tg::test::trainOn(dataset, settings, *tg::makeCpuDifferentiableRenderer());
+    ThreadRanks shared(2);
+    atRanks(shared, [&](tg::Channel& channel) {
+      if (channel.rank() > 0) {
+        tg::serveRank(channel, dataset);
+        return;
+      }
+      const auto renderer = tg::makeShardedRenderer(channel, dataset);
+      const bool same = tg::test::sameModels(tg::test::trainOn(dataset, settings, *renderer), alone);
+      tg::endRanks(channel, 0);
+      CHECK(same);
+    });
+  }
 }
 
 TEST_CASE("textures that do not lie in the order of their Gaussians are refused with a line") {

@@ -22,6 +22,7 @@
 #include "support/same.h"
 #include "support/temporary_folder.h"
 #include "training/data/sample.h"
+#include "training/every_setting.h"
 #include "training/render_picture.h"
 #include "training/run/checkpoint.h"
 #include "training/run/init.h"
@@ -916,6 +917,15 @@ TEST_CASE("where the first step with textures fails the plain model is left as i
   CHECK(left->report.plain.iterations == settings.iterations);
   CHECK(left->report.plain.loss == plain.report.plain.loss);
   CHECK_FALSE(trainer.takePlain());
+}
+
+TEST_CASE("every setting changes what is trained", "[trainer]") {
+  const tg::Dataset dataset = tg::test::tinyDataset();
+  tg::test::SettingEffects cpu(dataset, [] { return tg::makeCpuDifferentiableRenderer(); });
+  for (const tg::SettingEntry& entry : tg::settingEntries()) {
+    INFO(entry.name);
+    CHECK(cpu.changesModel(tg::test::runsOf(entry)));
+  }
 }
 
 TEST_CASE("settings out of range and hopeless data are refused", "[trainer]") {

@@ -2,10 +2,14 @@
 // Every setting survives text; presets and budgets say what they promise.
 #include "training/settings/settings.h"
 
+#include <algorithm>
+#include <fstream>
 #include <set>
+#include <sstream>
 
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "training/every_setting.h"
 
 TEST_CASE("every setting has its own name and survives its text", "[settings]") {
   std::set<std::string> names;
@@ -22,6 +26,40 @@ TEST_CASE("every setting has its own name and survives its text", "[settings]") 
   }
   CHECK(names.size() == tg::settingEntries().size());
   CHECK_THROWS_WITH(tg::presetSettings("best"), Contains("expected default, quick, paper, found 'best'"));
+}
+
+TEST_CASE("every setting is of its own and has a value that is not its default", "[settings]") {
+  for (const tg::SettingEntry& entry : tg::settingEntries()) {
+    INFO(entry.name);
+    const auto [usual, changed] = tg::test::runsOf(entry);
+    const auto differs = [&](const tg::SettingEntry& each) { return each.get(usual) != each.get(changed); };
+    CHECK(std::ranges::count_if(tg::settingEntries(), differs) == 1);
+    CHECK(differs(entry));
+  }
+  CHECK(tg::test::kOffDefaults.size() == tg::settingEntries().size());
+}
+
+TEST_CASE("the manual has every setting with its values in presets and its help", "[settings]") {
+  std::ifstream file("docs/training.md");
+  std::stringstream manual;
+  manual << file.rdbuf();
+  std::string table = "| setting |";  // as it is to stand there
+  for (const std::string& preset : tg::presetNames()) {
+    table += preset == "default" ? " default |" : " `" + preset + "` |";
+  }
+  table += " |\n|---|---|---|---|---|\n";
+  for (const tg::SettingEntry& entry : tg::settingEntries()) {
+    const std::string usual = entry.get({});
+    table += "| `--" + entry.name + "` |";
+    for (const std::string& preset : tg::presetNames()) {
+      const std::string value = entry.get(tg::presetSettings(preset));
+      table += preset == "default" || value != usual ? " " + value + " |" : " |";
+    }
+    table += " " + entry.help + (entry.unit.empty() ? "" : " [" + entry.unit + "]") + " |\n";
+  }
+  INFO(table);
+  const bool has = manual.str().find("\n\n" + table + "\n") != std::string::npos;
+  CHECK(has);
 }
 
 TEST_CASE("values out of range and nonsense are refused by name", "[settings]") {
