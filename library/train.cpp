@@ -4,12 +4,23 @@
 
 #include <algorithm>
 #include <mutex>
+#include <vector>
 
+#include "core/system/nearest_name.h"
 #include "library/access.h"
 #include "training/run/trainer.h"
 
 namespace textured_gaussians {
 namespace {
+
+[[noreturn]] void refuseUnknown(const std::string& name) {
+  std::vector<std::string> names;
+  for (const tg::SettingEntry& entry : tg::settingEntries()) names.push_back(entry.name);
+  const std::string near = tg::nearestName(name, names);
+  throw tg::Error(
+      tg::ErrorKind::usage, name,
+      "no such setting (" + (near.empty() ? "docs/training.md has them" : "did you mean " + near + "?") + ")");
+}
 
 tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Model>& start) {
   tg::TrainSettings settings = tg::presetSettings(options.preset);
@@ -18,9 +29,7 @@ tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Mo
   };
   for (const auto& [name, value] : options.settings) {
     const auto entry = std::ranges::find(tg::settingEntries(), name, &tg::SettingEntry::name);
-    if (entry == tg::settingEntries().end()) {
-      throw tg::Error(tg::ErrorKind::usage, name, "no such setting (docs/training.md has them)");
-    }
+    if (entry == tg::settingEntries().end()) refuseUnknown(name);
     entry->set(settings, value);
   }
   // As tgtrain has it: what is named goes over what the preset or the start model says.

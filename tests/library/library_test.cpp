@@ -293,7 +293,9 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   const auto refused = [&](const TrainOptions& options) {
     return messageOf([&] { Trainer trainer(dataset, options); }, ErrorKind::usage);
   };
-  CHECK(refused({.settings = {{"iteration", "30"}}}) == "iteration: no such setting (docs/training.md has them)");
+  CHECK(refused({.settings = {{"iteration", "30"}}}) == "iteration: no such setting (did you mean iterations?)");
+  CHECK(refused({.settings = {{"speed-of-light", "1"}}}) ==
+        "speed-of-light: no such setting (docs/training.md has them)");
   CHECK(refused({.settings = {{"quantize-iterations", "5"}}}) ==
         "quantize-iterations: is for a file that tgtrain writes (expected 0)");
   CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Contains("iterations"));
