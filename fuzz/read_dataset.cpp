@@ -67,18 +67,28 @@ void undistort(const tg::DatasetIndex& index) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const Folders folders;
   if (size == 0) return 0;
-  const unsigned choice = data[0] % 7;
+  const unsigned choice = data[0];
   const std::span bytes(data + 1, size - 1);
   try {
-    if (choice == 6) {
-      write(folders.json / "transforms.json", bytes);
-      undistort(tg::readTransforms(folders.json));
-    } else {
-      write(folders.sound[choice].first, bytes);
-      undistort(tg::readColmap(choice < 3 ? folders.text : folders.binary));
+    switch (choice) {
+      case 0:
+      case 1:
+      case 2:
+      case 3:
+      case 4:
+      case 5:
+        write(folders.sound[choice].first, bytes);
+        undistort(tg::readColmap(choice < 3 ? folders.text : folders.binary));
+        break;
+      case 6:
+        write(folders.json / "transforms.json", bytes);
+        undistort(tg::readTransforms(folders.json));
+        break;
+      default:
+        break;
     }
   } catch (const tg::Error&) {
   }
-  if (choice < 6) write(folders.sound[choice].first, folders.sound[choice].second);
+  if (choice < std::size(folders.sound)) write(folders.sound[choice].first, folders.sound[choice].second);
   return 0;
 }

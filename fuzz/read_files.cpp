@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// In the place of a fuzzer: gives a target every file of the folders that the command line names, in the order of their
-// names. Fails where there is none, so that a test without its corpus does not pass.
+// In the place of a fuzzer: gives a target every file of the command line and of the folders there, in the order of
+// their names. Fails where there is none, so that a test without its corpus does not pass.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -17,6 +17,10 @@ int main(int argc, char** argv) {
   std::vector<std::filesystem::path> files;
   try {
     for (int k = 1; k < argc; ++k) {
+      if (!std::filesystem::is_directory(argv[k])) {
+        files.emplace_back(argv[k]);
+        continue;
+      }
       for (const auto& entry : std::filesystem::directory_iterator(argv[k])) files.push_back(entry.path());
     }
     std::ranges::sort(files);

@@ -82,15 +82,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const std::string text(reinterpret_cast<const char*>(data + 1), size - 1);
   try {
-    switch (data[0] % 3) {
+    switch (data[0]) {
       case 0:
         readSession(text);
         break;
       case 1:
         readPath(text);
         break;
-      default:
+      case 2:
         runScript(text);
+        break;
+      default:
         break;
     }
   } catch (const tg::Error&) {

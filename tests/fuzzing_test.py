@@ -6,6 +6,7 @@
 """
 import json
 import pathlib
+import re
 import sys
 import tempfile
 import unittest
@@ -36,6 +37,15 @@ class Nights(unittest.TestCase):
         for sources in fuzz_night.READERS.values():
             for source in sources:
                 self.assertTrue((ROOT / source).is_file(), source)
+
+    def test_every_reader_that_a_first_byte_chooses_has_a_seed(self):
+        for source in sorted((ROOT / "fuzz").glob("read_*.cpp")):
+            text = source.read_text()
+            self.assertNotRegex(text, r"data\[0\] *%", f"{source.name}: a new reader would be given others' files")
+            chosen = {file.read_bytes()[:1] for file in (fuzz_night.CORPUS / source.stem).glob("*")}
+            for number in re.findall(r"case (\d+):", text):
+                self.assertIn(bytes([int(number)]), chosen, f"fuzz/corpus/{source.stem} has no file for this reader of "
+                              f"{source.name} (expected one of fuzz/make_seeds.py in it)")
 
     def test_the_corpora_are_small(self):
         sizes = {target: sum(file.stat().st_size for file in (fuzz_night.CORPUS / target).iterdir())
