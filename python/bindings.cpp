@@ -338,7 +338,7 @@ the base colour, and a factor on alpha in [0, 1]; background RGB that it was tra
 that it was trained on; intersection, where a ray meets a Gaussian: "plane" or "max_response"; outside, what is drawn of
 a textured Gaussian beyond +-3 sigma: "base", "clip" or "edge".)")
       .def_static("load", &Model::load, "path"_a, py::call_guard<py::gil_scoped_release>(),
-                  "From any file that tgconvert reads: .tgz, .glb, .gltf, .ply, .sog, .spz, .splat, .ksplat, .html.")
+                  "From any file that tgconvert reads (docs/formats.md), such as a .tgz, .glb, .ply or .spz.")
       .def("save", &Model::save, "path"_a, py::call_guard<py::gil_scoped_release>(),
            R"(In the format of the extension. A file that is there is replaced once the new one is complete.
 

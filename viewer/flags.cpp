@@ -112,12 +112,8 @@ void declareRecording(CLI::App& app, Flags& flags) {
 }
 
 void declare(CLI::App& app, Flags& flags) {
-  std::vector<std::string> readable;
-  for (const Format& format : formats()) {
-    if (format.read) readable.emplace_back(format.spoken);
-  }
   app.add_option("model", flags.models,
-                 listed(readable) + ", several or none for the window; a run folder with --follow")
+                 listed(inputNames()) + ", several or none for the window; a run folder with --follow")
       ->type_name("FILE");
   declarePicture(app, flags);
   app.option_defaults()->group("Comparison");
@@ -216,6 +212,16 @@ Task taskOf(const Flags& flags) {
   throw Error(ErrorKind::usage, flag + ": does nothing " + std::string(name(task)) + " (expected " + expected + ")");
 }
 
+// Of the outputs that `holds` says yes to.
+template <typename Holds>
+std::string namesWhere(const Holds& holds) {
+  std::string names;
+  for (const Output output : valuesOf<Output>()) {
+    if (holds(output)) names += (names.empty() ? "" : ", ") + std::string(name(output));
+  }
+  return names;
+}
+
 // Of a setting of the pictures.
 void refuseIdleSetting(const RenderSetting& setting, const Flags& flags, Task task) {
   const std::string flag = "--" + std::string(setting.name);
@@ -235,12 +241,9 @@ void refuseIdleSetting(const RenderSetting& setting, const Flags& flags, Task ta
   // Photographs lie over it, too.
   if (setting.name == "background" && !flags.view.photographs.empty()) return;
   if (setting.outputs.has(flags.view.show)) return;
-  std::string outputs;
-  for (const Output output : valuesOf<Output>()) {
-    if (setting.outputs.has(output)) outputs += (outputs.empty() ? "" : ", ") + std::string(name(output));
-  }
   throw Error(ErrorKind::usage, flag + ": does nothing to " + std::string(name(flags.view.show)) +
-                                    " (expected --show with one of " + outputs +
+                                    " (expected --show with one of " +
+                                    namesWhere([&](Output output) { return setting.outputs.has(output); }) +
                                     (setting.name == "gain" ? ", or --compare-mode difference" : "") + ")");
 }
 
@@ -305,10 +308,11 @@ void refuseIdleFlags(const CLI::App& app, const Flags& flags) {
   }
   refuseIf(view.legend && task == comparison && !hasLegend(view.compare_mode),
            "--legend: side and wipe have none (expected --compare-mode difference or flip with it)");
-  refuseIf(
-      view.legend && task != comparison && (!legible || isExr(view.record)),
-      "--legend: there are no numbers to explain (expected a picture, and --show with one of texture, alpha, depth, "
-      "count, depth-median, overdraw, texel-density)");
+  if (view.legend && task != comparison && (!legible || isExr(view.record))) {
+    throw Error(ErrorKind::usage,
+                "--legend: there are no numbers to explain (expected a picture, and --show with one of " +
+                    namesWhere([](Output output) { return hasLegend(output); }) + ")");
+  }
   refuseIf(app.count("--device") > 0 && view.backend == Backend::cpu,
            "--device: is of Vulkan and OpenGL (expected --backend vulkan, opengl or auto with it)");
   refuseIf(view.validation && view.backend == Backend::cpu && task != window && task != windowBenchmark,

@@ -40,18 +40,23 @@ Result tgconvert(const Scratch& scratch, const std::string& arguments, const std
 
 }  // namespace
 
-TEST_CASE("the help names every format that is read or written") {
+TEST_CASE("the help and the manual name every format that is read or written") {
   const Scratch scratch;
-  std::istringstream help(tgconvert(scratch, "--help").out);
-  std::string words;  // lines are broken anywhere
-  for (std::string word; help >> word;) words += " " + word;
-  CAPTURE(words);
-  CHECK(words.find(
-            "IN: model to read, tgz, ply, compressed ply, splat, ksplat, spz, sog, lod-meta.json, glb, gltf or our "
-            "html;") != words.npos);
+  const auto words = [](std::istream&& text) {  // lines are broken anywhere
+    std::string all;
+    for (std::string word; text >> word;) all += " " + word;
+    return all;
+  };
+  const auto needs = [](const std::string& place, const std::string& text, const std::string& what) {
+    INFO(place << " needs: " << what);
+    CHECK((text.find(what) != std::string::npos));
+  };
+  const std::string help = words(std::istringstream(tgconvert(scratch, "--help").out));
+  needs("tgconvert --help", help, "IN: model to read, " + listed(inputNames()) + ";");
+  needs("docs/converter.md", words(std::ifstream("docs/converter.md")),
+        "IN is told apart by its content: " + listed(inputNames()) + " ([formats.md]");
   for (const Format& format : formats()) {
-    CAPTURE(format.name);
-    if (format.write) CHECK(words.find(std::string(format.name).insert(0, ".")) != words.npos);
+    if (format.write) needs("tgconvert --help", help, "." + std::string(format.name));
   }
 }
 

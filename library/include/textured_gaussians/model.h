@@ -54,8 +54,8 @@ class Model {
   // finite, a quaternion without a length or a rectangle beyond the texels; Error(usage) for cameras and enumerators
   // that are none.
   explicit Model(const ModelData& data);
-  // From any file that tgconvert reads, told by its content: .tgz, .glb, .gltf, .ply, .sog, .spz, .html, ... ; .splat
-  // and .ksplat by their extension. Throws Error: cannotRead, badData.
+  // From any file that tgconvert reads (docs/formats.md), such as a .tgz, .glb, .ply or .spz, told by its content where
+  // its format has a mark of its own, else by its extension. Throws Error: cannotRead, badData.
   static Model load(const std::filesystem::path& path);
   // In the format of the extension, which may hold less than the model (docs/formats.md). Half-float texels at most. A
   // file that is there is replaced once the new one is complete. Throws Error: cannotWrite; usage for another

@@ -92,10 +92,8 @@ TEST_CASE("what is no model is refused with exit code 3 and what it could be") {
     return test::messageOf([&] { detectFormat(path); }).substr(path.string().size());
   };
   CHECK(refusal(scratch.write("empty.glb", "")) == ": the file is empty");
-  CHECK(
-      refusal(scratch.write("a.bin", "hello")) ==
-      ": is no splat model (expected a tgz, ply, compressed ply, splat, ksplat, spz, sog, lod-meta.json, glb, gltf or "
-      "our html file)");
+  CHECK(refusal(scratch.write("a.bin", "hello")) ==
+        ": is no splat model (expected a " + listed(inputNames()) + " file)");
 }
 
 TEST_CASE("the rows of the table of formats agree with themselves") {
@@ -173,23 +171,29 @@ TEST_CASE("the documents say of every format what its row says") {
     const std::vector<std::uint8_t> bytes = readFile(file, 1 << 20);
     return std::string(bytes.begin(), bytes.end());
   };
-  const std::string text = textOf("docs/formats.md");
+  const auto needs = [](const std::string& file, const std::string& text, const std::string& what) {
+    INFO(file << " needs: " << what);
+    CHECK((text.find(what) != std::string::npos));
+  };
+  const std::string text = textOf("docs/formats.md"), hostile = textOf("SECURITY.md");
+  const std::string named = text.substr(0, text.find("What a file can hold"));
   const auto yes = [](bool value) { return value ? " yes |" : " no |"; };
   for (const Format& format : formats()) {
     if (!format.read) continue;
-    // A line that is missing or wrong is shown as it ought to be.
+    const std::string_view extension = format.name.substr(format.whole_name ? 0 : format.name.rfind('.') + 1);
+    const std::string word = (format.whole_name ? "`" : ".") + std::string(extension) + "`";
+    needs("SECURITY.md, under \"What is hostile\",", hostile, word);
+    needs("docs/formats.md, in its first table,", named, word);
     const std::string line = "| " + std::string(format.name) + " |" + yes(format.write) +
                              yes(format.holds(kKeepsTextures)) + yes(format.holds(kKeepsCameras)) +
                              (format.holds(kKeepsSh) ? " 0 to " + std::to_string(format.sh_degree) + " |" : " 0 |") +
                              (format.holds(kKeepsFloats) ? " floats |" : " few bits |");
-    CAPTURE(line);
-    CHECK(text.find("\n" + line + "\n") != std::string::npos);
+    needs("docs/formats.md", text, "\n" + line + "\n");
   }
   const std::string manual = textOf("docs/converter.md");
   for (const bool read : {true, false}) {
     for (const std::string& output : outputNames(read)) {
-      CAPTURE(output);
-      CHECK(manual.find("." + output) != std::string::npos);
+      needs("docs/converter.md", manual, "." + output);
     }
   }
 }
