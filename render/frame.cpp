@@ -8,14 +8,10 @@
 #include "core/image/color_map.h"
 #include "core/system/error.h"
 #include "render/renderer.h"
+#include "shared/limits.h"
 
 namespace tg {
 namespace {
-
-constexpr float kFarthestGrey = 0.15f;  // so that the farthest hit still differs from nothing at all
-// [texels / px] of black and white
-constexpr float kLowestDensity = 1.0f / 64;
-constexpr float kHighestDensity = 4.0f;
 
 template <typename T>
 struct Plane {
@@ -31,6 +27,7 @@ constexpr Plane<glm::vec3> kColors[] = {{Output::base, &Frame::base},
                                         {Output::normal, &Frame::normal},
                                         {Output::ellipsoids, &Frame::ellipsoids},
                                         {Output::centers, &Frame::centers}};
+static_assert(std::size(kScalars) + std::size(kColors) + 1 == kCount<Output>, "an output lies here or is final");
 
 // The pixels of an output that has one number each; null for colours and normals.
 const std::vector<float>* scalars(const Frame& frame, Output output) {

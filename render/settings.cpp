@@ -15,6 +15,8 @@
 namespace tg {
 namespace {
 
+static_assert(std::ranges::all_of(valuesOf<Output>(), [](Output output) { return kAllOutputs.has(output); }));
+
 using S = RenderSettings;
 
 [[noreturn]] void refuse(std::string_view what, const std::string& problem) {

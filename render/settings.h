@@ -15,20 +15,19 @@
 
 namespace tg {
 
-// Values equal kOutput* of shaders/shared/limits.h.
 enum class Output : unsigned {
-  final = 0,
-  base = 1,
-  texture = 2,
-  alpha = 3,
-  depth = 4,  // expected
-  normal = 5,
-  count = 6,
-  depthMedian = 7,
-  overdraw = 8,
-  ellipsoids = 9,
-  centers = 10,
-  texelDensity = 11,
+  final = kOutputFinal,
+  base = kOutputBase,
+  texture = kOutputTexture,
+  alpha = kOutputAlpha,
+  depth = kOutputDepth,  // expected
+  normal = kOutputNormal,
+  count = kOutputCount,
+  depthMedian = kOutputDepthMedian,
+  overdraw = kOutputOverdraw,
+  ellipsoids = kOutputEllipsoids,
+  centers = kOutputCenters,
+  texelDensity = kOutputTexelDensity,
 };
 constexpr auto namesOf(Output) {
   return enumNames("final", "base", "texture", "alpha", "depth", "normal", "count", "depth-median", "overdraw",

@@ -12,11 +12,6 @@ layout(std430, binding = 3) readonly buffer TextureDepth { vec4 texture_depth[];
 layout(std430, binding = 4) readonly buffer NormalCount { vec4 normal_count[]; };              // [pixels]
 layout(std430, binding = 5) readonly buffer Extras { vec4 extras[]; };                         // [pixels]
 
-const float kFarthestGrey = 0.15;  // so that the farthest hit still differs from nothing at all
-// [log2(texels / px)] of black and white
-const float kLowestDensity = -6.0;
-const float kHighestDensity = 2.0;
-
 // Of the whole picture: smallest and largest number above 0.
 float rangeLeast() { return uintBitsToFloat(min(counters.output_range.x, view.range_least)); }
 float rangeMost() { return uintBitsToFloat(max(counters.output_range.y, view.range_most)); }
@@ -36,13 +31,16 @@ vec3 countHeat(float count) {
 }
 
 vec3 densityHeat(float density) {
-  return heat(density > 0.0 ? (log2(density) - kLowestDensity) / (kHighestDensity - kLowestDensity) : 0.0);
+  const float low = log2(kLowestDensity);
+  const float high = log2(kHighestDensity);
+  return heat(density > 0.0 ? (log2(density) - low) / (high - low) : 0.0);
 }
 
 // What lies in the buffers follows from the output: where final alone was asked for, or a solid output, it takes the
-// place of the base colour.
+// place of the base colour. Magenta: no such output.
 vec3 shown(uint i) {
   switch (decider(pass.output_kind)) {
+    case kOutputBase: return view.exposure * base_transmittance[i].xyz;
     case kOutputTexture: return 0.5 + 0.5 * view.exposure * texture_depth[i].xyz;
     case kOutputAlpha: return vec3(1.0 - base_transmittance[i].w);
     case kOutputDepth: return depthGrey(texture_depth[i].w);
@@ -53,7 +51,7 @@ vec3 shown(uint i) {
     case kOutputTexelDensity: return densityHeat(extras[i].z);
     case kOutputEllipsoids:
     case kOutputCenters: return base_transmittance[i].xyz;
-    default: return view.exposure * base_transmittance[i].xyz;
+    default: return vec3(1.0, 0.0, 1.0);
   }
 }
 

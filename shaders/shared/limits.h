@@ -45,7 +45,12 @@ const uint kSampleNone = 0u;
 const uint kSampleBilinear = 1u;
 const uint kSampleFootprint = 2u;
 
-// Which image a renderer shows (render/renderer.h has the enum class).
+// How numbers become grey or heat in pictures for people.
+const float kFarthestGrey = 0.15f;          // so that the farthest hit still differs from nothing at all
+const float kLowestDensity = 1.0f / 64.0f;  // [texels / px] black
+const float kHighestDensity = 4.0f;         // [texels / px] white
+
+// Which image a renderer shows (render/settings.h has the enum class).
 const uint kOutputFinal = 0u;
 const uint kOutputBase = 1u;
 const uint kOutputTexture = 2u;

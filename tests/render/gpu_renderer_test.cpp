@@ -21,10 +21,6 @@ using namespace tg::test;
 
 namespace {
 
-constexpr std::array<Output, 12> kOutputs = {
-    Output::final, Output::base,     Output::texture,     Output::alpha,        Output::depth,      Output::normal,
-    Output::count, Output::overdraw, Output::depthMedian, Output::texelDensity, Output::ellipsoids, Output::centers};
-
 // The renderer keeps texels as halfs, as bundles do; from such a model it loses nothing.
 TestScene bundled(TestScene scene) {
   for (glm::vec4& texel : scene.model.atlas.texels) texel = glm::unpackHalf4x16(glm::packHalf4x16(texel));
@@ -559,11 +555,10 @@ TEST_CASE("the recorded picture of every output is that of visualize()") {
   const TestScene scene = makeScene(SceneKind::ordinary, 6, 150, 70, 50);
   RenderSettings settings;
   settings.background = {0.1f, 0.2f, 0.3f};
-  settings.outputs = kBlendedOutputs | OutputSet{Output::depthMedian, Output::overdraw, Output::texelDensity,
-                                                 Output::ellipsoids, Output::centers};
+  settings.outputs = kAllOutputs;
   const Frame frame = renderScene(scene, settings);
   bool exposed = false;
-  for (const Output output : kOutputs) {
+  for (const Output output : valuesOf<Output>()) {
     bool complete = false;
     const Image picture = recordPicture(gpuRenderer(), scene, settings, output, &complete);
     INFO(name(output));

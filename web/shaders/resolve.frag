@@ -17,7 +17,6 @@ uniform bool u_linear;         // over linear light
 out vec4 o_color;
 
 const float kWhiteCount = 64.0;     // splats a pixel that show as white
-const float kFarthestGrey = 0.15;
 
 vec3 heat(float x) { return clamp(vec3(3.0 * x, 3.0 * x - 1.0, 3.0 * x - 2.0), 0.0, 1.0); }
 

@@ -137,6 +137,9 @@ const uint kShapeCenters = 2u;
 const uint kSampleNone = 0u;
 const uint kSampleBilinear = 1u;
 const uint kSampleFootprint = 2u;
+const float kFarthestGrey = 0.15f;
+const float kLowestDensity = 1.0f / 64.0f;
+const float kHighestDensity = 4.0f;
 const uint kOutputFinal = 0u;
 const uint kOutputBase = 1u;
 const uint kOutputTexture = 2u;
@@ -578,7 +581,6 @@ uniform bool u_over;
 uniform bool u_linear;
 out vec4 o_color;
 const float kWhiteCount = 64.0;
-const float kFarthestGrey = 0.15;
 vec3 heat(float x) { return clamp(vec3(3.0 * x, 3.0 * x - 1.0, 3.0 * x - 2.0), 0.0, 1.0); }
 vec3 linear(vec3 s) { return mix(s / 12.92, pow((s + 0.055) / 1.055, vec3(2.4)), greaterThan(s, vec3(0.04045))); }
 void main() {
