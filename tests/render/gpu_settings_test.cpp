@@ -8,6 +8,7 @@
 #include "render/reference/reference.h"
 #include "support/catch.h"
 #include "support/scenes.h"
+#include "support/setting_values.h"
 
 using namespace tg;
 using namespace tg::test;
@@ -250,5 +251,20 @@ TEST_CASE("the per-pixel order is the reference's wherever no more than sixteen 
   INFO("wrong " << wrong << ", in the global order " << wrong_globally);
   CHECK(wrong <= 1e-3);
   CHECK(wrong_globally >= 1e-2);
+  CHECK(validationMessages() == "");
+}
+
+TEST_CASE("every setting makes of a picture what it makes of the reference's") {
+  CHECK(ignoredSettings([](const TestScene& scene, RenderSettings settings, Output output) {
+          GpuRenderer& renderer = gpuRenderer();
+          renderer.setModel(scene.model);
+          settings.outputs = {output};
+          std::vector<Image> pictures = {visualize(renderer.render(scene.camera, settings), output, settings)};
+          if (!mapsOnHost(output, settings)) {
+            REQUIRE(renderer.draw({scene.camera, settings, output}));
+            pictures.push_back(renderer.picture());
+          }
+          return pictures;
+        }) == "");
   CHECK(validationMessages() == "");
 }

@@ -6,6 +6,7 @@
 
 #include "core/system/error.h"
 #include "support/catch.h"
+#include "support/setting_values.h"
 
 using namespace tg;
 
@@ -17,27 +18,14 @@ RenderSettings with(std::string_view name, const std::string& text) {
   return settings;
 }
 
-// A value of each setting that is not its default.
-const std::map<std::string_view, std::string> kOthers = {
-    {"textures", "rgb"},        {"intersection", "plane"},
-    {"sort", "per-pixel"},      {"texture-filter", "footprint"},
-    {"antialiasing", "screen"}, {"opacity-scale", "0.5"},
-    {"splat-scale", "2"},       {"sh-degree", "1"},
-    {"near", "0.125"},          {"crop", "0,0,0,1,2,3"},
-    {"exposure", "-1.5"},       {"background", "0.25,0.5,1"},
-    {"outside", "clip"},        {"gain", "4"},
-    {"colors", "turbo"},        {"range", "2,98.5"},
-};
-
 }  // namespace
 
 TEST_CASE("every member of the render settings has a row in the table") {
   RenderSettings settings;
   for (const RenderSetting& row : renderSettings()) {
     INFO(row.name);
-    REQUIRE(kOthers.count(row.name) == 1);  // a new row: add a value above
-    row.set(settings, kOthers.at(row.name), "");
-    CHECK(row.get(settings) == kOthers.at(row.name));
+    row.set(settings, test::otherValue(row), "");
+    CHECK(row.get(settings) == test::otherValue(row));
     CHECK(row.get({}) != row.get(settings));
   }
   const RenderSettings usual;

@@ -43,34 +43,14 @@ View trainedView() {
   return view;
 }
 
-// To float, so that it is a backend like any other.
-Frame rounded(const FrameT<double>& exact) {
-  Frame frame;
-  frame.width = exact.width;
-  frame.height = exact.height;
-  const auto copy = [](auto& to, const auto& from) { to.assign(from.begin(), from.end()); };
-  copy(frame.picture, exact.picture);
-  copy(frame.base, exact.base);
-  copy(frame.texture, exact.texture);
-  copy(frame.alpha, exact.alpha);
-  copy(frame.depth, exact.depth);
-  copy(frame.normal, exact.normal);
-  copy(frame.count, exact.count);
-  copy(frame.depth_median, exact.depth_median);
-  copy(frame.overdraw, exact.overdraw);
-  copy(frame.ellipsoids, exact.ellipsoids);
-  copy(frame.centers, exact.centers);
-  copy(frame.texel_density, exact.texel_density);
-  return frame;
-}
-
 std::vector<Backend> drawnByAll(const View& view, const RenderSettings& settings) {
   std::vector<Backend> backends;
   const auto add = [&](std::string_view name, Renderer& renderer) {
     renderer.setModel(view.bundle.model);
     backends.push_back({std::string(name), renderer.render(view.camera, settings)});
   };
-  backends.push_back({"reference", rounded(renderReference(ReferenceModel(view.bundle.model), view.camera, settings))});
+  backends.push_back(
+      {"reference", test::rounded(renderReference(ReferenceModel(view.bundle.model), view.camera, settings))});
   add("cpu", *makeCpuRenderer());
   for (const Api api : kApis) {
     try {

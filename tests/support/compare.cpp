@@ -85,6 +85,26 @@ FrameDifference compareFrames(const Frame& frame, const Frame& reference, const 
   return compare(frame, reference, tolerance);
 }
 
+Frame rounded(const FrameT<double>& exact) {
+  Frame frame;
+  frame.width = exact.width;
+  frame.height = exact.height;
+  const auto copy = [](auto& to, const auto& from) { to.assign(from.begin(), from.end()); };
+  copy(frame.picture, exact.picture);
+  copy(frame.base, exact.base);
+  copy(frame.texture, exact.texture);
+  copy(frame.alpha, exact.alpha);
+  copy(frame.depth, exact.depth);
+  copy(frame.normal, exact.normal);
+  copy(frame.count, exact.count);
+  copy(frame.depth_median, exact.depth_median);
+  copy(frame.overdraw, exact.overdraw);
+  copy(frame.ellipsoids, exact.ellipsoids);
+  copy(frame.centers, exact.centers);
+  copy(frame.texel_density, exact.texel_density);
+  return frame;
+}
+
 std::string violations(const FrameDifference& difference, const Tolerance& tolerance) {
   std::ostringstream out;
   for (std::size_t k = 0; k < difference.outputs.size(); ++k) {

@@ -44,6 +44,9 @@ FrameDifference compareFrames(const FrameT<float>& frame, const FrameT<double>& 
 // Two float frames, for example of two backends.
 FrameDifference compareFrames(const Frame& frame, const Frame& reference, const Tolerance& tolerance = {});
 
+// To float, so that the reference is a backend like any other.
+Frame rounded(const FrameT<double>& exact);
+
 // One line per broken promise, "" when all hold: CHECK(violations(difference, tolerance) == "").
 std::string violations(const FrameDifference& difference, const Tolerance& tolerance = {});
 // A table for people: per output max, max of unflipped pixels, mean, share of outliers.
