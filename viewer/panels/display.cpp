@@ -26,7 +26,7 @@ void outputSection(ViewerState& state) {
     Output output;
     const char* hint;
   };
-  constexpr std::array<Choice, kCount<Output>> choices = {{
+  constexpr std::array choices = std::to_array<Choice>({
       {"Final", Output::final, "Base + texture + background (1)"},
       {"Base", Output::base, "Spherical harmonics alone, with the background (2)"},
       {"Texture", Output::texture, "What the textures add to the colour; mid grey = nothing (3)"},
@@ -39,7 +39,8 @@ void outputSection(ViewerState& state) {
       {"Overdraw", Output::overdraw, "Splats per pixel, those behind what is opaque included (9)"},
       {"Ellipsoid", Output::ellipsoids, "Gaussians as solid surfaces at one sigma (0)"},
       {"Centres", Output::centers, "A dot at every mean (-)"},
-  }};
+  });
+  static_assert(choices.size() == kCount<Output>, "a button for each output");
   constexpr int kColumns = kMostButtons;
   heading("SHOW");
   for (int i = 0; i < static_cast<int>(choices.size()); ++i) {

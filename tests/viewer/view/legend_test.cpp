@@ -22,7 +22,9 @@ RenderSettings with(T RenderSettings::* member, T value) {
 TEST_CASE("pictures of numbers have a legend, the others none") {
   for (const Output output : valuesOf<Output>()) {
     INFO(name(output));
-    CHECK(legendOf(output, {}, {0, 1}).has_value() == hasLegend(output));
+    const auto legend = legendOf(output, {}, {0, 1});
+    CHECK(legend.has_value() == hasLegend(output));
+    CHECK((!legend || !legend->title.empty()));
   }
   for (const CompareMode mode : valuesOf<CompareMode>()) {
     INFO(name(mode));

@@ -69,6 +69,14 @@ TEST_CASE("the manual has every render setting, with its names or limits, as a f
   }
 }
 
+TEST_CASE("the manual says of every output what it shows") {
+  const std::string flags = section(manual(), "Flags"), outputs = section(manual(), "Outputs");
+  for (const Output output : valuesOf<Output>()) {
+    CHECK_THAT(rowOf(flags, "--show OUTPUT"), Contains("`" + std::string(name(output)) + "`"));
+    CHECK_THAT(outputs, Contains(" | " + std::string(name(output)) + " | "));
+  }
+}
+
 TEST_CASE("the manual lists the keys as the help does") {
   const std::string keys = section(manual(), "Keys and mouse"), outputs = section(manual(), "Outputs");
   for (const KeyBinding& binding : keyBindings()) {

@@ -13,6 +13,7 @@
 #include "render/renderer.h"
 #include "support/catch.h"
 #include "support/scenes.h"
+#include "support/setting_values.h"
 #include "viewer/process.h"
 #include "viewer/view/session.h"
 
@@ -235,15 +236,7 @@ TEST_CASE("without a display, a followed model is rendered whenever it changes, 
 
 TEST_CASE("every way of drawing is the same in the window and by its flags", "[window]") {
   TG_SKIP_IF(noWindow());
-  const std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
-      {"sort per-pixel", {"--sort", "per-pixel"}},
-      {"texture-filter footprint", {"--texture-filter", "footprint"}},
-      {"antialiasing screen", {"--antialiasing", "screen"}},
-      {"opacity-scale 0.5", {"--opacity-scale", "0.5"}},
-      {"splat-scale 1.5", {"--splat-scale", "1.5"}},
-      {"sh-degree 0", {"--sh-degree", "0"}},
-      {"near 3.2", {"--near", "3.2"}},
-      {"crop -0.5,-2,-2,0.5,2,2", {"--crop", "-0.5,-2,-2,0.5,2,2"}},
+  std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
       {"exposure -1", {"--exposure", "-1"}},
       {"output depth-median", {"--show", "depth-median"}},
       {"output overdraw", {"--show", "overdraw"}},
@@ -255,6 +248,10 @@ TEST_CASE("every way of drawing is the same in the window and by its flags", "[w
       {"output count\ncolors viridis\nrange 2,98", {"--show", "count", "--colors", "viridis", "--range", "2,98"}},
       {"output overdraw\nrange 10,90", {"--show", "overdraw", "--range", "10,90"}},
   };
+  for (const RenderSetting& setting : renderSettings()) {
+    const std::string name(setting.name), value = test::otherValue(setting);
+    if (!setting.title.empty()) cases.push_back({name + " " + value, {"--" + name, value}});
+  }
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   const auto rendered = [&shop](std::vector<std::string> flags, const std::string& backend) {
