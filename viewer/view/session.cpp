@@ -158,8 +158,20 @@ Session withOthers(Session own, const Session& before, const Session& now) {
     return entry.cameras == bookmarksOf(before, entry.model) && entry.cameras != bookmarksOf(now, entry.model);
   });
   for (const ModelBookmarks& entry : now.bookmarks) {
-    const bool changed = entry.cameras != bookmarksOf(before, entry.model);
-    if (changed && bookmarksOf(own, entry.model).empty()) own.bookmarks.push_back(entry);
+    const std::vector<Camera> known = bookmarksOf(before, entry.model);
+    if (entry.cameras == known) continue;
+    const auto ours = std::ranges::find(own.bookmarks, entry.model, &ModelBookmarks::model);
+    if (ours == own.bookmarks.end()) {
+      own.bookmarks.push_back(entry);
+      continue;
+    }
+    const auto among = [](const std::vector<Camera>& cameras, const Camera& camera) {
+      return std::ranges::find(cameras, camera) != cameras.end();
+    };
+    for (const Camera& camera : entry.cameras) {
+      if (!among(known, camera) && !among(ours->cameras, camera)) ours->cameras.push_back(camera);
+    }
+    if (ours->cameras.size() > kMaxBookmarks) ours->cameras.resize(kMaxBookmarks);
   }
   if (own.bookmarks.size() > kMaxBookmarkedModels) own.bookmarks.resize(kMaxBookmarkedModels);
   return own;

@@ -48,8 +48,8 @@ void noteRecent(Session& session, const std::filesystem::path& model);
 // None where the model has none.
 std::vector<Camera> bookmarksOf(const Session& session, const std::filesystem::path& model);
 void keepBookmarks(Session& session, const std::filesystem::path& model, std::vector<Camera> cameras);
-// `own` with what other windows have written since it was read as `before`: the file is `now`. Bookmarks that `own` has
-// changed are its own.
+// `own` with what other windows have written since it was read as `before`: the file is `now`. To bookmarks that both
+// have changed those are added that only `now` has.
 Session withOthers(Session own, const Session& before, const Session& now);
 
 }  // namespace tg

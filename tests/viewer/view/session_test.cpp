@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "viewer/view/bookmarks.h"
 
 using namespace tg;
 
@@ -163,9 +164,29 @@ TEST_CASE("of two windows neither takes what the other has kept") {
   CHECK(bookmarksOf(both, "/m/both") == std::vector<Camera>{two});
   CHECK(bookmarksOf(both, "/m/gone").empty());
   CHECK(both.recent == std::vector<std::string>{"/m/ours", "/m/theirs"});
-  keepBookmarks(own, "/m/both", {one, two});  // both have changed it: this window's
+  keepBookmarks(own, "/m/both", {one, two});  // the same in both windows
   both = withOthers(own, before, now);
   CHECK(bookmarksOf(both, "/m/both") == std::vector<Camera>{one, two});
+}
+
+TEST_CASE("bookmarks that two windows add to one model are all kept") {
+  const auto from = [](double x) { return lookAt({x, 2, 3}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48); };
+  Session before;
+  keepBookmarks(before, "/m/both", {from(0)});
+  keepBookmarks(before, "/m/less", {from(0), from(1)});
+  Session now = before, own = before;
+  keepBookmarks(now, "/m/both", {from(0), from(1), from(2)});
+  keepBookmarks(own, "/m/both", {from(0), from(2), from(3)});
+  keepBookmarks(now, "/m/fresh", {from(4)});
+  keepBookmarks(own, "/m/fresh", {from(5)});
+  keepBookmarks(now, "/m/less", {from(0), from(1), from(6)});
+  keepBookmarks(own, "/m/less", {from(1)});  // what was deleted here stays so
+  const Session both = withOthers(own, before, now);
+  CHECK(bookmarksOf(both, "/m/both") == std::vector<Camera>{from(0), from(2), from(3), from(1)});
+  CHECK(bookmarksOf(both, "/m/fresh") == std::vector<Camera>{from(5), from(4)});
+  CHECK(bookmarksOf(both, "/m/less") == std::vector<Camera>{from(1), from(6)});
+  keepBookmarks(own, "/m/both", std::vector<Camera>(kMaxBookmarks, from(3)));
+  CHECK(bookmarksOf(withOthers(own, before, now), "/m/both").size() == kMaxBookmarks);
 }
 
 TEST_CASE("a session's name without a folder is one of the working folder") {
