@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -222,6 +223,11 @@ void picked(ViewerState& state, const PixelHit& hit) {
   const GaussianModel& model = *state.scene.model;
   const GaussianFacts facts = factsOf(model, hit.index);
   heading(("GAUSSIAN " + grouped(hit.index)).c_str());
+  ImGui::Text("mean %.5g, %.5g, %.5g", facts.mean.x, facts.mean.y, facts.mean.z);
+  if (const std::optional<glm::dvec3> at = inspectedPoint(state)) {
+    ImGui::Text("hit %.5g, %.5g, %.5g", at->x, at->y, at->z);
+    hint("In the world, on the pixel's ray at the depth of the list");
+  }
   ImGui::Text("sigma %.4g, %.4g, %.4g", facts.sigma.x, facts.sigma.y, facts.sigma.z);
   ImGui::Text("opacity %.3f, effective rank %.2f", facts.opacity, facts.effective_rank);
   hint("Rank: 1 a needle, 2 a disc, 3 a ball");
@@ -260,10 +266,13 @@ void inspectSection(ViewerState& state) {
     ImGui::TextDisabled(inspection.busy ? "looking ..." : "M and a click, or Alt+click, on a pixel");
     return;
   }
-  double left = 1;
-  if (!inspection.hits.empty()) left = inspection.hits.back().transmittance * (1 - inspection.hits.back().alpha);
   ImGui::Text("%d, %d: %zu splats, %.1f %% of light left", inspection.pixel.x, inspection.pixel.y,
-              inspection.hits.size(), 100 * left);
+              inspection.hits.size(), 100 * lightLeft(inspection.hits));
+  const glm::dvec3 color = colorOf(inspection.hits, effectiveSettings(state).background);
+  swatch(glm::vec3(color));
+  ImGui::SameLine();
+  ImGui::Text("colour %.4f, %.4f, %.4f", color.x, color.y, color.z);
+  hint("What the splats add up to with the background, in double precision, not clamped");
   if (inspection.hits.empty()) return;
   chart(state);
   list(state);

@@ -169,16 +169,22 @@ glm::dvec2 texelPosition(glm::dvec2 uv, int width, int height) {
   return (uv + double{kTextureExtent}) * (size - 1.0) / (2.0 * kTextureExtent) + 0.5;
 }
 
+double lightLeft(const std::vector<PixelHit>& hits) {
+  return hits.empty() ? 1 : hits.back().transmittance * (1 - hits.back().alpha);
+}
+
+glm::dvec3 colorOf(const std::vector<PixelHit>& hits, glm::vec3 background) {
+  glm::dvec3 color(0.0);
+  for (const PixelHit& hit : hits) color += hit.weight * (hit.base + hit.texture);
+  return color + lightLeft(hits) * glm::dvec3(background);
+}
+
 std::string formatInspection(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
                              glm::ivec2 pixel, const std::vector<PixelHit>& hits) {
   using nlohmann::ordered_json;
   const auto vector = [](glm::dvec3 v) { return ordered_json{v.x, v.y, v.z}; };
-  glm::dvec3 color(0.0);
-  double left = 1;
   ordered_json list = ordered_json::array();
   for (const PixelHit& hit : hits) {
-    color += hit.weight * (hit.base + hit.texture);
-    left = hit.transmittance * (1 - hit.alpha);
     const GaussianFacts facts = factsOf(model, hit.index);
     list.push_back({{"index", hit.index},
                     {"t", hit.t},
@@ -200,8 +206,8 @@ std::string formatInspection(const GaussianModel& model, const Camera& camera, c
                              {"version", kInspectVersion},
                              {"pixel", {pixel.x, pixel.y}},
                              {"image", {camera.size.x, camera.size.y}},
-                             {"color", vector(color + left * glm::dvec3(settings.background))},
-                             {"transmittance", left},
+                             {"color", vector(colorOf(hits, settings.background))},
+                             {"transmittance", lightLeft(hits)},
                              {"hits", std::move(list)}};
   return dumpJson(json, 1) + "\n";
 }

@@ -50,6 +50,10 @@ TexelColors texelColors(const GaussianModel& model, std::size_t index, int i, in
 // Where a hit falls on a texture of w x h cells of side 1, (0, 0) at its first corner: texel centres lie on +-3 sigma.
 glm::dvec2 texelPosition(glm::dvec2 uv, int width, int height);
 
+// What the hits of a pixel add up to over the background, not clamped.
+glm::dvec3 colorOf(const std::vector<PixelHit>& hits, glm::vec3 background);
+double lightLeft(const std::vector<PixelHit>& hits);  // behind the last of them, [0, 1]
+
 // The inspected pixel as JSON (docs/viewer.md).
 std::string formatInspection(const GaussianModel& model, const Camera& camera, const RenderSettings& settings,
                              glm::ivec2 pixel, const std::vector<PixelHit>& hits);

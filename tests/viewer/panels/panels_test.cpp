@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <csignal>
+#include <cstdio>
 #include <fstream>
 #include <map>
 #include <memory>
@@ -50,6 +51,16 @@ class Interface {
     drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}}, false);
     ImGui::EndFrame();
     return context_->HoveredId;
+  }
+  // All words of the panel.
+  std::string text(ViewerState& state) const {
+    ImGui::GetIO().MousePos = {-1, -1};
+    ImGui::NewFrame();
+    ImGui::LogToClipboard();
+    drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}}, false);
+    ImGui::EndFrame();
+    const char* words = ImGui::GetClipboardText();
+    return words ? words : "";
   }
   ImGuiID active() const { return context_->ActiveId; }
 
@@ -286,6 +297,32 @@ TEST_CASE("the inspector's columns hold their text and stand apart, however narr
     CHECK(columns >= 5);
     CHECK((width < kMostPanel || columns == 7));
   }
+}
+
+TEST_CASE("the page of the inspector has the pixel's colour and where Gaussian and hit lie in the world") {
+  ViewerState state = fullState();
+  state.ui.tab = Tab::inspect;
+  state.ui.panel_width = kMostPanel;
+  state.display.settings.background = {0, 0.5f, 1};
+  state.inspect.camera = lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 65, 49);
+  state.inspect.pixel = {32, 24};  // the middle
+  state.inspect.hits.resize(1);
+  PixelHit& hit = state.inspect.hits[0];
+  hit.index = 3;
+  hit.t = 4.5;
+  hit.transmittance = 1;
+  hit.weight = hit.alpha = 0.25;
+  hit.base = {1, 0.5, 0};
+  state.inspect.picked = 0;
+  const Interface interface;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  const std::string words = interface.text(state);
+  CHECK_THAT(words, Contains("colour 0.2500, 0.5000, 0.7500"));
+  CHECK_THAT(words, Contains(", 0.5\n") && Contains("hit "));
+  std::array<char, 80> mean{};
+  const glm::vec3 m = state.scene.model->mean[3];
+  std::snprintf(mean.data(), mean.size(), "mean %.5g, %.5g, %.5g", m.x, m.y, m.z);
+  CHECK_THAT(words, Contains(mean.data()));
 }
 
 TEST_CASE("a drag over all of the histogram, to either end, selects every Gaussian") {
