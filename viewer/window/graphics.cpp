@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstdlib>
 #include <iterator>
 #include <utility>
 
@@ -62,8 +64,15 @@ OpenedScreen openScreen(glm::ivec2 size, Events& events, const ViewOptions& opti
   return found;
 }
 
+// Whether `size` is that of the area at another resolution, whose sides were rounded once and cut once.
+bool hasShapeOf(PixelRect area, glm::ivec2 size) {
+  const auto times = [](int a, int b) { return std::int64_t{a} * b; };
+  return std::abs(times(size.x, area.size.y) - times(size.y, area.size.x)) <= 2 * std::max(area.size.x, area.size.y);
+}
+
 // A column of the picture, as shares of its width, and where it goes.
 PictureBlit column(const std::shared_ptr<const PictureImage>& image, float begin, float end, PixelRect area) {
+  if (!hasShapeOf(area, image->size)) area = fittedInto(area, image->size);
   const auto at = [](float share, int width) {
     return static_cast<int>(std::lround(share * static_cast<float>(width)));
   };
@@ -80,6 +89,12 @@ Graphics::Graphics(glm::ivec2 size, Events& events, const ViewOptions& options, 
       gui(window(), screen()),
       pictures([this] { return screen().makePictureDevice(); }, screen().framesInFlight(), opened.backend,
                glfwPostEmptyEvent) {}
+
+PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
+  const double scale = std::min(static_cast<double>(area.size.x) / size.x, static_cast<double>(area.size.y) / size.y);
+  const glm::ivec2 fitted = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
+  return {area.origin + (area.size - fitted) / 2, fitted};
+}
 
 std::vector<PictureBlit> layOut(const Picture& picture, const Comparison& how, PixelRect area) {
   const std::shared_ptr<const PictureImage>& first = picture.image;

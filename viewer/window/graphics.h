@@ -32,7 +32,11 @@ struct Graphics {
   PictureThread pictures;  // first to end
 };
 
-// The picture and, where there is one, what it is compared with.
+// The largest rectangle of the shape of `size` in the middle of `area`.
+PixelRect fittedInto(PixelRect area, glm::ivec2 size);
+
+// The picture and, where there is one, what it is compared with. Those of another shape than their place, of a window
+// or a mode before, are fitted into it.
 std::vector<PictureBlit> layOut(const Picture& picture, const Comparison& how, PixelRect area);
 
 }  // namespace tg

@@ -53,13 +53,6 @@ constexpr double kScriptPause = 0.02;    // [s] between looks at what a script w
 
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
 
-// The largest rectangle of the shape of `size` in the middle of `area`.
-PixelRect fittedInto(PixelRect area, glm::ivec2 size) {
-  const double scale = std::min(static_cast<double>(area.size.x) / size.x, static_cast<double>(area.size.y) / size.y);
-  const glm::ivec2 fitted = glm::max(glm::ivec2(glm::dvec2(size) * scale), glm::ivec2(1));
-  return {area.origin + (area.size - fitted) / 2, fitted};
-}
-
 bool ofSameModels(const Picture& a, const Picture& b) {
   const auto other = [](const Picture& p) { return p.request.other ? p.request.other->model : nullptr; };
   return a.request.model == b.request.model && other(a) == other(b);
