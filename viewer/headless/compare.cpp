@@ -76,7 +76,12 @@ void compareToFile(const ViewOptions& options) {
   const Frame frame = frameOf(*backend.renderer, viewed, camera, settings);
   Image first = visualize(frame, options.show, settings), other;
   std::vector<std::uint8_t> mask;
-  std::string against = options.compare.string();
+  std::string against = options.compare.string(), figures;
+  const auto measure = [&](const Image& seen, const Image& reference) {
+    if (options.quiet) return;
+    const std::optional<PictureMetrics> metrics = metricsOf(seen, reference, mask);
+    figures = metrics ? formatMetrics(*metrics) : "no pixel in common";
+  };
   if (!options.compare.empty()) {
     ViewOptions unwarned = options;
     unwarned.quiet = true;
@@ -90,21 +95,25 @@ void compareToFile(const ViewOptions& options) {
     } else {
       other = visualize(second_frame, options.show, settings);
     }
+    measure(first, other);
+    if (kNumberOutputs.has(options.show)) figures += " of the colours";
   } else {
     auto [photograph, file] = photographOf(options, scene, camera, background);
-    other = std::move(photograph.image);
     mask = std::move(photograph.mask);
     against = file;
+    RenderSettings as_taken = settings;
+    as_taken.exposure = 0;
+    if (kPhotographOutputs.has(options.show)) measure(visualize(frame, options.show, as_taken), photograph.image);
+    other = exposedLike(std::move(photograph.image), options.show, settings);
   }
   requireNoValidationMessages(backend);
   Image picture = composed(first, other, mask, how);
   if (options.legend) picture = withLegend(std::move(picture), *legendOf(how));
   writeImage(options.out, picture);
   if (options.quiet) return;
-  const std::optional<PictureMetrics> metrics = metricsOf(first, other, mask);
-  std::printf("%s: %dx%d, %s of %s, %s and %s: %s\n", options.out.c_str(), picture.width, picture.height,
+  std::printf("%s: %dx%d, %s of %s, %s and %s%s%s\n", options.out.c_str(), picture.width, picture.height,
               std::string(name(how.mode)).c_str(), std::string(name(options.show)).c_str(), options.model.c_str(),
-              against.c_str(), metrics ? formatMetrics(*metrics).c_str() : "no pixel in common");
+              against.c_str(), figures.empty() ? "" : ": ", figures.c_str());
 }
 
 }  // namespace tg

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <string>
 
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
@@ -68,20 +69,40 @@ void modeControls(CompareState& compare) {
   }
 }
 
+// Grey while they are those of a model or settings before.
+void figures(const ViewerState& state) {
+  const CompareState& compare = state.compare;
+  const PictureMetrics& metrics = *compare.metrics;
+  const bool of_colors = !compare.with_photographs && kNumberOutputs.has(state.display.output);
+  if (!compare.measured) ImGui::PushStyleColor(ImGuiCol_Text, ImGui::GetStyleColorVec4(ImGuiCol_TextDisabled));
+  ImGui::BeginGroup();
+  ImGui::Text(of_colors ? "Colours %.2f dB" : "PSNR %.2f dB", metrics.psnr);
+  ImGui::SameLine();
+  ImGui::Text("SSIM %.4f", metrics.ssim);
+  ImGui::SameLine();
+  ImGui::Text("FLIP %.4f", metrics.flip);
+  ImGui::EndGroup();
+  if (!compare.measured) ImGui::PopStyleColor();
+  const std::string size = std::to_string(compare.measured_size.x) + " x " + std::to_string(compare.measured_size.y);
+  std::string words = compare.with_photographs ? "Of the photograph at " + size + ", whatever the window shows of it"
+                      : of_colors              ? "Of the colours of this view, the other ones being the truth"
+                                               : "Of this view, " + size + ", the other one being the truth";
+  if (!compare.measured) words += "; measuring: these are of the model or the settings before";
+  hint(words.c_str());
+}
+
 // A line, whatever it says.
-void result(const CompareState& compare) {
+void result(const ViewerState& state) {
+  const CompareState& compare = state.compare;
   if (compare.how.mode == CompareMode::off) {
     ImGui::NewLine();
   } else if (!compare.problem.empty()) {
     ImGui::TextColored(kWarningText, "%s", cutMiddle(compare.problem, ImGui::GetContentRegionAvail().x).c_str());
     hint(compare.problem.c_str());
+  } else if (compare.with_photographs && !kPhotographOutputs.has(state.display.output)) {
+    ImGui::TextDisabled("no figures: photographs have final and base");
   } else if (compare.metrics) {
-    ImGui::Text("PSNR %.2f dB", compare.metrics->psnr);
-    ImGui::SameLine();
-    ImGui::Text("SSIM %.4f", compare.metrics->ssim);
-    ImGui::SameLine();
-    ImGui::Text("FLIP %.4f", compare.metrics->flip);
-    hint("Of this view, the other one being the truth");
+    figures(state);
   } else {
     ImGui::TextDisabled(compare.measured ? "no pixel in common" : "measuring");
   }
@@ -111,7 +132,7 @@ void compareSection(ViewerState& state) {
   }
   // All modes are of one height: what lies below stays under the pointer that steps through them.
   modeControls(compare);
-  result(compare);
+  result(state);
 }
 
 }  // namespace tg

@@ -207,16 +207,17 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
     if (photograph_path_ != other.photograph) {
       photograph_path_.clear();
       try {
-        photograph_ = readImage(other.photograph);
+        photograph_ = std::make_shared<const Image>(readImage(other.photograph));
       } catch (const Error& error) {
         picture.problem = error.what();
         return;
       }
       photograph_path_ = other.photograph;
     }
-    ResampledPhotograph seen = resampled(photograph_, other.taken, request.camera, request.settings.background);
-    pair.other = std::move(seen.image);
+    ResampledPhotograph seen = resampled(*photograph_, other.taken, request.camera, request.settings.background);
+    pair.other = exposedLike(std::move(seen.image), request.output, request.settings);
     pair.mask = std::move(seen.mask);
+    picture.photograph = photograph_;
     device_.upload(pair.other, *image);
   }
   picture.other = image;

@@ -55,7 +55,7 @@ class PictureMaker {
   PictureDevice& device_;
   const std::string backend_;
   std::filesystem::path photograph_path_;  // of the photograph read last
-  Image photograph_;
+  std::shared_ptr<const Image> photograph_;
   std::list<Loaded> loaded_;                           // the last one used first
   std::vector<std::shared_ptr<PictureImage>> images_;  // those that nobody else holds are free
   std::deque<Begun> begun_;

@@ -18,6 +18,10 @@ bool sameOther(const OtherPicture& a, const OtherPicture& b) {
 
 }  // namespace
 
+bool hasFigures(const Picture& picture) {
+  return picture.pair && (!picture.photograph || kPhotographOutputs.has(picture.request.output));
+}
+
 bool same(const PictureRequest& a, const PictureRequest& b) {
   if (a.other.has_value() != b.other.has_value() || (a.other && !sameOther(*a.other, *b.other))) return false;
   return a.model == b.model && sameView(a.camera, b.camera) && a.settings == b.settings && a.output == b.output;

@@ -46,12 +46,16 @@ struct Picture {
   std::shared_ptr<const PictureImage> image;
   std::shared_ptr<const PictureImage> other, error;  // where asked for; error: what OtherPicture::how says
   std::optional<ValueScale> scale;                   // of an output of kNumberOutputs
-  std::shared_ptr<const PicturePair> pair;           // both on the host, where there is another one
+  std::shared_ptr<const PicturePair> pair;           // both on the host as shown, where there is another one
+  std::shared_ptr<const Image> photograph;           // as its file has it, where the other one is one
   std::string problem;                               // why `other` is not there although asked for; "" = it is
   std::vector<PassTime> passes;
   double milliseconds = 0;  // wall time of all of it
   std::string device;       // what drew it
   std::string backend;      // as --backend has it
 };
+
+// Whether PSNR and the like say something of it.
+bool hasFigures(const Picture& picture);
 
 }  // namespace tg

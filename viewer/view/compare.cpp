@@ -135,6 +135,13 @@ Image flipOf(const Image& first, const Image& other, const std::vector<std::uint
   return result;
 }
 
+Image exposedLike(Image photograph, Output output, const RenderSettings& settings) {
+  if (settings.exposure == 0 || !kPhotographOutputs.has(output)) return photograph;
+  const float factor = std::exp2(settings.exposure);
+  for (float& value : photograph.data) value = std::clamp(value * factor, 0.0f, 1.0f);
+  return photograph;
+}
+
 Image composed(const Image& first, const Image& other, const std::vector<std::uint8_t>& mask, const Comparison& how) {
   TG_ASSERT(first.channels == 3 && other.channels == 3 && first.height == other.height,
             "two pictures of one height and 3 channels");

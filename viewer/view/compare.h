@@ -11,6 +11,7 @@
 #include "core/image/image.h"
 #include "core/model/camera.h"
 #include "core/system/names.h"
+#include "render/settings.h"
 
 namespace tg {
 
@@ -45,6 +46,11 @@ Image composed(const Image& first, const Image& other, const std::vector<std::ui
 // Of each picture of `side` in `width` pixels; the last column of an odd width stays empty.
 int sideWidth(int width);
 
+// What a photograph shows, too: the others have no figures against one.
+constexpr OutputSet kPhotographOutputs = {Output::final, Output::base};
+// A photograph beside a picture of `output` with those settings: with the picture's exposure, where it has one.
+Image exposedLike(Image photograph, Output output, const RenderSettings& settings);
+
 // Of the pixels that count.
 struct PictureMetrics {
   double psnr = 0;  // [dB], infinite for equal pictures
@@ -72,8 +78,9 @@ struct CompareState {
   // Written by the window.
   std::string problem;                    // why there is nothing to compare with; "" = there is
   std::string photograph;                 // its file below the folder; "" = none
-  bool measured = false;                  // `metrics` are those of the picture on screen
-  std::optional<PictureMetrics> metrics;  // of the last picture measured; none: not yet, or no pixel counts
+  bool measured = false;                  // `metrics` are those of the picture on screen, not of one before
+  std::optional<PictureMetrics> metrics;  // none: not yet, or no pixel counts
+  glm::ivec2 measured_size{0};            // [px] of what is measured
 };
 
 // A photograph as `view` sees it, when `view` stands where `taken` stood and looks the same way. The photograph may

@@ -13,6 +13,12 @@ namespace {
 
 constexpr float kDividerReach = 6;  // [UiState::scale] around the line of a wipe
 
+// Empty: a photograph.
+std::filesystem::path fileOf(const ViewerState& state, const OtherPicture& other) {
+  const int document = other.model ? otherDocument(state) : -1;
+  return document < 0 ? std::filesystem::path() : state.documents.open[static_cast<std::size_t>(document)].path;
+}
+
 }  // namespace
 
 ComparisonControl::ComparisonControl(const ViewOptions& options, std::function<void()> wake)
@@ -60,23 +66,63 @@ void ComparisonControl::update(ViewerState& state, const Picture* picture, bool 
     compare.how.shows_other = !compare.how.shows_other;
     flickered_ = state.time;
   }
-  if (const auto result = metrics_.take(); result && picture && result->pair == picture->pair) {
-    compare.metrics = result->metrics;
-    compare.measured = true;
-    found_ = result->pair;
+  if (const auto result = metrics_.take(); result && result->number >= first_) {
+    figures_ = result->metrics;
+    found_ = result->number;
+    compare.measured = found_ == asked_ && picture && picture->pair == pair_.lock();
   }
+  const bool elsewhere = found && subject_ &&
+                         (found->photograph != subject_->view.other->photograph ||
+                          state.scene.path != subject_->model_file || fileOf(state, *found) != subject_->other_file);
+  compare.measured = compare.measured && !elsewhere;
+  compare.metrics = elsewhere ? std::nullopt : figures_;
 }
 
-void ComparisonControl::measure(CompareState& compare, const Picture* picture, bool complete) {
-  if (!picture || !picture->pair || !complete) {
+ComparisonControl::Subject ComparisonControl::subjectOf(const ViewerState& state, const Picture& picture) {
+  Subject subject{state.scene.path, {}, picture.request.model, {}, picture.request};
+  OtherPicture& other = *subject.view.other;
+  subject.other_file = fileOf(state, other);
+  subject.other = other.model;
+  if (picture.photograph) {
+    subject.view.camera = measuredCamera(other.taken);
+    subject.view.settings.exposure = 0;
+  }
+  other.how = {};
+  other.model.reset();
+  subject.view.model.reset();
+  return subject;
+}
+
+bool ComparisonControl::isOfView(const Subject& a, const Subject& b) {
+  PictureRequest view = a.view;
+  view.settings = b.view.settings;
+  return a.model_file == b.model_file && a.other_file == b.other_file && same(view, b.view);
+}
+
+void ComparisonControl::measure(ViewerState& state, const Picture* picture, bool complete) {
+  CompareState& compare = state.compare;
+  if (compare.how.mode == CompareMode::off || (picture && complete && !hasFigures(*picture))) {
+    compare.metrics = figures_ = std::nullopt;
+    subject_.reset();
+    first_ = asked_ + 1;
+  }
+  if (!picture || !complete || !hasFigures(*picture)) {
     compare.measured = false;
-    if (compare.how.mode == CompareMode::off) compare.metrics.reset();
     return;
   }
-  compare.measured = found_ == picture->pair;
-  if (measured_ == picture->pair) return;
-  measured_ = picture->pair;
-  metrics_.ask(measured_);
+  Subject subject = subjectOf(state, *picture);
+  const auto equal = [](const auto& a, const auto& b) { return !a.owner_before(b) && !b.owner_before(a); };
+  const bool of_view = subject_ && isOfView(*subject_, subject);
+  const bool of_settings = of_view && subject_->view.settings == subject.view.settings;
+  if (!of_settings || !equal(subject.model, subject_->model) || !equal(subject.other, subject_->other)) {
+    asked_ = metrics_.ask(*picture);
+    if (!of_settings) first_ = asked_;
+    if (!of_view) compare.metrics = figures_ = std::nullopt;
+    compare.measured_size = subject.view.camera.size;
+    subject_ = std::move(subject);
+  }
+  pair_ = picture->pair;
+  compare.measured = found_ == asked_;
 }
 
 double ComparisonControl::untilFlicker(const CompareState& compare, double now) const {

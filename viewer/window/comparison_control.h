@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The comparison in the window: with what, how far apart, flickering, and the line of a wipe under the pointer.
 #pragma once
+#include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -29,8 +31,9 @@ class ComparisonControl {
   // Once a frame, before the panels are drawn: what they say about it. `picture`: the one on screen, may be null;
   // `newest`: it is the one asked for last.
   void update(ViewerState& state, const Picture* picture, bool newest);
-  // Has each whole picture measured once. `complete`: this one is.
-  void measure(CompareState& compare, const Picture* picture, bool complete);
+  // Has each whole picture measured once. `complete`: this one is. What is found is said by update(), also when a newer
+  // model has come meanwhile: of a run that is followed it may come faster than figures.
+  void measure(ViewerState& state, const Picture* picture, bool complete);
   // [s] until the flicker changes sides by itself, at least 1 ms.
   double untilFlicker(const CompareState& compare, double now) const;
 
@@ -40,9 +43,22 @@ class ComparisonControl {
  private:
   std::optional<Photographs> photographs_;
   MetricsThread metrics_;
-  std::shared_ptr<const PicturePair> measured_;  // last, by the thread
-  std::shared_ptr<const PicturePair> found_;     // whose metrics came last
-  double flickered_ = 0;                         // [s] window time
+  // What figures are of. It keeps no model alive.
+  struct Subject {
+    std::filesystem::path model_file, other_file;
+    std::weak_ptr<const GaussianModel> model, other;
+    PictureRequest view;  // without the models; of a photograph: as it is measured
+  };
+  static Subject subjectOf(const ViewerState& state, const Picture& picture);
+  static bool isOfView(const Subject& a, const Subject& b);  // whatever the settings and how new the models are
+
+  std::optional<Subject> subject_;         // asked for last
+  std::weak_ptr<const PicturePair> pair_;  // of it, on screen
+  std::uint64_t asked_ = 0;                // the thread's number of it
+  std::uint64_t first_ = 0;                // since when models alone have changed
+  std::uint64_t found_ = 0;                // what figures_ are of
+  std::optional<PictureMetrics> figures_;
+  double flickered_ = 0;  // [s] window time
   bool dragging_divider_ = false;
 };
 

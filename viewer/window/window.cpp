@@ -109,7 +109,7 @@ class Viewer {
   glm::ivec2 pictureSize() const;
   glm::ivec2 wantedSize() const { return drawnSize(state_, pictureSize()); }
   // Numbers of the present picture are under way; scripts and captures wait for them.
-  bool measuring() const { return picture_ && picture_->pair && complete() && !state_.compare.measured; }
+  bool measuring() const { return picture_ && hasFigures(*picture_) && complete() && !state_.compare.measured; }
   void ask(const PictureRequest& request);
   void askForPicture(bool moving);
   void runEnded();
@@ -252,7 +252,7 @@ int Viewer::run() {
     graphics_->gui.endFrame();
     followAspect();
     askForPicture(moving || handleMoves());
-    comparison_.measure(state_.compare, picture_.get(), complete());
+    comparison_.measure(state_, picture_.get(), complete());
     timedOnDevice([&] {
       drawFrame();
       if ((complete() && !measuring()) || !capturing()) capture();

@@ -187,6 +187,44 @@ TEST_CASE("beside its photograph a picture has the camera fitted into its half o
   CHECK(two.height == one.height);
 }
 
+TEST_CASE("a photograph is exposed like the model, figures against it are not, and depth has none") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  std::filesystem::create_directory(shop / "images");
+  REQUIRE(shop.tgview({"model.tgz", "--camera", "1", "--backend", "cpu", "--render", "images/view1.png"}).exit_code ==
+          0);
+  const auto compared = [&](std::vector<std::string> more) {
+    more.insert(more.begin(),
+                {"model.tgz", "--camera", "1", "--backend", "cpu", "--compare-mode", "side", "--render", "both.png"});
+    const ProcessResult result = shop.tgview(more);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    return result.out.substr(result.out.find("both.png"));
+  };
+  const auto figuresOf = [](const std::string& line) {
+    return line.find("PSNR") == std::string::npos ? "" : line.substr(line.find("PSNR"));
+  };
+  const std::string figures = figuresOf(compared({"--photos", "images"}));
+  CHECK(std::atof(figures.c_str() + 5) > 50);  // but for the rounding to bytes
+  CHECK(figuresOf(compared({"--photos", "images", "--exposure", "1"})) == figures);
+  const Image both = shop.read("both.png");
+  Image left(both.width / 2, both.height, 3), right = left;
+  for (int y = 0; y < left.height; ++y) {
+    for (int x = 0; x < left.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        left.at(x, y, c) = both.at(x, y, c);
+        right.at(x, y, c) = both.at(x + left.width, y, c);
+      }
+    }
+  }
+  CHECK(psnr8Bit(left, right) > 45);
+  for (const char* output : {"depth", "texture"}) {
+    CHECK(figuresOf(compared({"--photos", "images", "--show", output})).empty());
+  }
+  CHECK(contains(compared({"--compare", "model.tgz", "--show", "depth"}), " of the colours"));
+  CHECK_FALSE(contains(compared({"--compare", "model.tgz"}), " of the colours"));
+}
+
 TEST_CASE("with --quiet a picture is written without a word, a mistake is still said") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");

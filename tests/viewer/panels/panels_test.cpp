@@ -577,6 +577,31 @@ TEST_CASE("the page stays where it is through all ways to compare and all that i
   CHECK(tops.size() == 1);
 }
 
+TEST_CASE("figures are grey until they are those of the picture, and are none where they would mean nothing") {
+  ViewerState state = fullState();
+  state.ui.tab = Tab::edit;
+  state.compare.how.mode = CompareMode::wipe;
+  state.compare.metrics = PictureMetrics{31.25, 0.9, 0.1};
+  const Interface interface;
+  const auto grey = [&] {
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    std::ptrdiff_t count = 0;
+    for (const ImGuiWindow* window : ImGui::GetCurrentContext()->Windows) {
+      const auto& points = window->DrawList->VtxBuffer;
+      count += std::ranges::count(points, ImGui::GetColorU32(ImGuiCol_TextDisabled), &ImDrawVert::col);
+    }
+    return count;
+  };
+  const std::ptrdiff_t stale = grey();
+  state.compare.measured = true;
+  CHECK(grey() < stale);
+  CHECK_THAT(interface.text(state), Contains("PSNR 31.25 dB") && Contains("SSIM 0.9000"));
+  state.display.output = Output::depth;
+  CHECK_THAT(interface.text(state), Contains("Colours 31.25 dB") && !Contains("PSNR"));
+  state.compare.with_photographs = true;
+  CHECK_THAT(interface.text(state), Contains("no figures") && !Contains("31.25"));
+}
+
 TEST_CASE("a recording says how far it is on every page") {
   for (const Tab tab : valuesOf<Tab>()) {
     INFO(name(tab));
