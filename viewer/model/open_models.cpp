@@ -381,12 +381,21 @@ bool OpenModels::takeFollowed(ViewerState& state) {
 bool OpenModels::takeRun(ViewerState& state) {
   if (!run_) return false;
   if (const auto order = std::exchange(state.follow.order, std::nullopt)) {
-    attempt(state, [&] { run_->order(*order); });
+    bool given = false;
+    attempt(state, [&] {
+      run_->order(*order);
+      given = true;
+    });
+    state.quit = state.quit && given;  // who leaves is to hear of it
   }
   std::optional<RunWatch::News> news = run_->take();
   if (!news) return false;
+  const auto isIn = [&](RunPhase phase) { return state.follow.status && state.follow.status->phase == phase; };
+  const bool waited = isIn(RunPhase::paused);
   state.follow.lines = std::move(news->lines);
   state.follow.status = std::move(news->status);
+  // Somebody else has told it to.
+  if (waited && isIn(RunPhase::training) && state.follow.told == RunCommand::pause) state.follow.told.reset();
   return true;
 }
 
@@ -400,6 +409,8 @@ void OpenModels::unfollow(ViewerState& state) {
   state.follow.active = state.follow.waits = false;
   state.follow.lines.reset();
   state.follow.status.reset();
+  state.follow.told.reset();
+  state.follow.order.reset();
 }
 
 void OpenModels::adopt(ViewerState& state, Scene scene) {

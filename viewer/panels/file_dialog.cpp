@@ -243,6 +243,8 @@ std::string lossOf(const ClosingQuestion& question) {
       return "The camera path has not been saved.";
     case Unsaved::bookmarks:
       return "The bookmarks have not been saved.";
+    case Unsaved::run:
+      return "The run is paused, or about to be, as it was told here. Without a window it waits on.";
     case Unsaved::edits:
       break;
   }
@@ -261,10 +263,11 @@ void closingQuestion(ViewerState& state, bool escape) {
   ImGui::TextUnformatted(lossOf(*state.desktop.question).c_str());
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.3f});
   const ImVec2 size(ImGui::GetFontSize() * 6, 0);
-  const bool save = ImGui::Button("Save", size) || enterPressed();
+  const bool of_run = state.desktop.question->what == Unsaved::run;
+  const bool save = ImGui::Button(of_run ? "Go on" : "Save", size) || enterPressed();
   hint("Enter");
   ImGui::SameLine();
-  const bool discard = ImGui::Button("Discard", size);
+  const bool discard = of_run ? ImGui::Button("Leave it paused") : ImGui::Button("Discard", size);
   ImGui::SameLine();
   const bool cancel = ImGui::Button("Cancel", size) || escape;
   hint("Esc");

@@ -80,7 +80,7 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
 void orders(FollowState& follow, RunPhase phase) {
   const float width = (ImGui::GetContentRegionAvail().x - 3 * ImGui::GetStyle().ItemSpacing.x) / 4;
   const auto button = [&](const char* label, const char* help, const RunOrder& order) {
-    if (ImGui::Button(label, {width, 0})) follow.order = order;
+    if (ImGui::Button(label, {width, 0})) tellRun(follow, order);
     hint(help);
   };
   if (phase == RunPhase::paused) {

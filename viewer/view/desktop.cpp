@@ -51,12 +51,19 @@ std::vector<std::filesystem::path> editsLost(const ViewerState& state, const Clo
   return models;
 }
 
+// Whether the run waits, or is about to, because this window has told it to: it would wait for ever.
+bool holdsRun(const FollowState& follow) {
+  const bool told = follow.told == RunCommand::pause || follow.told == RunCommand::step;
+  if (!follow.active || !follow.status || !told) return false;
+  return follow.status->phase == RunPhase::paused || follow.status->phase == RunPhase::training;
+}
+
 // True when the user is asked. The model is shown meanwhile.
 bool ask(ViewerState& state, const Closing& closing, Unsaved what, const std::filesystem::path& model) {
   const auto& discarded = state.desktop.discarded;
   if (std::find(discarded.begin(), discarded.end(), std::pair(what, model)) != discarded.end()) return false;
   state.desktop.question = ClosingQuestion{closing, what, model};
-  if (what != Unsaved::path) show(state, model);
+  if (!model.empty()) show(state, model);
   return true;
 }
 
@@ -74,6 +81,7 @@ void goOnClosing(ViewerState& state, const Closing& closing) {
   for (const std::filesystem::path& model : editsLost(state, closing)) {
     if (ask(state, closing, Unsaved::edits, model)) return;
   }
+  if (window && holdsRun(state.follow) && ask(state, closing, Unsaved::run, {})) return;
   state.desktop.discarded.clear();
   switch (closing.way) {
     case Closing::Way::window:
@@ -125,6 +133,10 @@ bool losesEdits(const ViewerState& state, int document) {
 void saveUnsaved(ViewerState& state) {
   const auto question = std::exchange(state.desktop.question, std::nullopt);
   if (!question) return;
+  if (question->what == Unsaved::run) {
+    tellRun(state.follow, {RunCommand::go, 1});
+    return goOnClosing(state, question->closing);
+  }
   state.desktop.after_saving = question->closing;
   state.desktop.dialog.reset();
   if (question->what != Unsaved::path) show(state, question->model);  // another one may have been opened since
@@ -137,6 +149,8 @@ void saveUnsaved(ViewerState& state) {
       break;
     case Unsaved::edits:
       state.desktop.wanted = FileUse::saveModel;
+      break;
+    case Unsaved::run:  // is told at once
       break;
   }
 }
@@ -159,6 +173,11 @@ void sayNotWritten(ViewerState& state, std::optional<FileDialog> dialog, const s
   dialog->fresh = true;
   enterFolder(dialog->browser, dialog->browser.folder);  // as it is now
   state.desktop.dialog = std::move(dialog);
+}
+
+void tellRun(FollowState& follow, const RunOrder& order) {
+  follow.order = order;
+  follow.told = order.command;
 }
 
 void notePathKept(ViewerState& state) { state.desktop.kept_path = state.path.path; }

@@ -16,6 +16,8 @@
 
 namespace tg {
 
+struct FollowState;
+struct RunOrder;
 struct ViewerState;
 
 // What a file is chosen for.
@@ -31,7 +33,8 @@ struct FileDialog {
 };
 
 // What the user is asked about before it is lost.
-enum class Unsaved { path, bookmarks, edits };
+// run: nothing is lost, but it waits at this window's word.
+enum class Unsaved { path, bookmarks, edits, run };
 
 // What would lose it.
 struct Closing {
@@ -83,6 +86,8 @@ void goOnClosing(ViewerState& state, const Closing& closing);  // after somethin
 void saveUnsaved(ViewerState& state);
 void discardUnsaved(ViewerState& state);
 void keepUnsaved(ViewerState& state);  // nothing is closed
+// To be given to the run that is followed, by the window.
+void tellRun(FollowState& follow, const RunOrder& order);
 // A file could not be written: the dialog that it was chosen in comes back and says why. Without it, or while another
 // one is open, it is an error of the window.
 void sayNotWritten(ViewerState& state, std::optional<FileDialog> dialog, const std::string& problem);

@@ -133,6 +133,7 @@ struct FollowState {
   std::shared_ptr<const std::vector<RunMetrics>> lines;  // its metrics.jsonl; may be null
   std::optional<RunStatus> status;                       // none: nothing trains there
   std::optional<RunOrder> order;                         // to be given to it
+  std::optional<RunCommand> told;                        // by this window, last
 };
 
 // The scene shown, where it is streamed (Scene::streamed_from). The window writes all but the budget.

@@ -206,8 +206,8 @@ void Viewer::setTitle() {
 }
 
 int Viewer::run() {
-  // A file that is being written may fail: the window ends after it.
-  while (!state_.quit || state_.desktop.saving) {
+  // A file that is being written may fail: the window ends after it, and after the run has been told to go on.
+  while (!state_.quit || state_.desktop.saving || state_.follow.order) {
     waitForEvents();
     if (signals_.received() != 0) break;
     if (glfwWindowShouldClose(graphics_->window())) {

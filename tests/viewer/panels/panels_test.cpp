@@ -218,7 +218,7 @@ TEST_CASE("no two widgets of the welcome, a dialog or the question share an ID")
     drawn(state);
     CHECK(state.desktop.dialog);  // looking at it chooses nothing
   }
-  for (const Unsaved what : {Unsaved::path, Unsaved::bookmarks, Unsaved::edits}) {
+  for (const Unsaved what : {Unsaved::path, Unsaved::bookmarks, Unsaved::edits, Unsaved::run}) {
     ViewerState state = fullState();
     state.desktop.question = ClosingQuestion{{}, what, "tiny.tgz"};
     drawn(state);

@@ -76,6 +76,37 @@ TEST_CASE("Save of the question asks for a file, and a change of mind forgets wh
   CHECK_FALSE(state.quit);
 }
 
+TEST_CASE("a run that waits because the window has said so is not left waiting without a question") {
+  ViewerState state = stateWithModel();
+  state.follow.active = true;
+  state.follow.status = RunStatus{};
+  const auto asks = [&](RunPhase phase) {
+    state.follow.status->phase = phase;
+    state.quit = false;
+    askToQuit(state);
+    CHECK(state.quit != state.desktop.question.has_value());
+    return state.desktop.question && state.desktop.question->what == Unsaved::run;
+  };
+  CHECK_FALSE(asks(RunPhase::paused));  // by somebody else
+  tellRun(state.follow, {RunCommand::pause, 1});
+  CHECK_FALSE(asks(RunPhase::finished));
+  CHECK(asks(RunPhase::training));  // the order is under way
+  keepUnsaved(state);
+  CHECK(asks(RunPhase::paused));
+  keepUnsaved(state);
+  CHECK_FALSE(state.quit);
+  CHECK(asks(RunPhase::paused));
+  discardUnsaved(state);
+  CHECK(state.quit);
+  CHECK(state.follow.order->command == RunCommand::pause);
+  tellRun(state.follow, {RunCommand::step, 100});
+  CHECK(asks(RunPhase::paused));
+  saveUnsaved(state);
+  CHECK(state.quit);
+  CHECK(state.follow.order->command == RunCommand::go);
+  CHECK_FALSE(asks(RunPhase::paused));
+}
+
 TEST_CASE("a model that is closed asks for its bookmarks, unless they are kept between runs") {
   ViewerState state = stateWithModel();
   addKey(state);  // the path stays with the window
