@@ -39,7 +39,7 @@ ModelFacts factsOf(const GaussianModel& model) {
     facts.texels += rect.texelCount();
     ++facts.textured;
   }
-  if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(groups)) {
+  if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(model.atlas, groups)) {
     facts.different = firstOfGroups(groups).size();
     if (facts.textured < model.size()) --facts.different;  // that of those without
   }

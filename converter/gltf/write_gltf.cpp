@@ -90,7 +90,7 @@ PackedAtlas packOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> g
   std::uint64_t texels = 0;
   for (const TextureRect& rect : atlas.rects) texels += rect.texelCount();
   PackedAtlas packed;
-  if (areShared(groups) && texels <= kFreeSharedTexels) {
+  if (areShared(atlas, groups) && texels <= kFreeSharedTexels) {
     TextureAtlas once{{}, atlas.texels};
     for (const std::uint32_t first : firstOfGroups(groups)) once.rects.push_back(atlas.rects[first]);
     packed = packAtlas(once, once.rects.size(), kMaxAtlasSide);
@@ -402,7 +402,7 @@ Json Writer::addTextures(const GaussianModel& base, GltfReport& report) {
   if (content_.options.texture_step) steps = texelStepsOf(model_.atlas, textureStep(content_.options));
   const std::vector<std::uint32_t> groups = textureGroups(model_.atlas);
   const auto rounded = [&] {
-    if (!areShared(groups)) return texelsInSteps(model_, base, *steps);
+    if (!areShared(model_.atlas, groups)) return texelsInSteps(model_, base, *steps);
     GaussianModel opaque = base;  // what Gaussians share is rounded alike, as for the most opaque one
     std::ranges::fill(opaque.opacity_logit, static_cast<float>(kLogitLimit));
     return texelsInSteps(model_, opaque, *steps);

@@ -347,12 +347,12 @@ class Writer {
     parallelFor(static_cast<std::int64_t>(files_.size()), 1, [&](std::int64_t item) {
       const fs::path own = folder / folderOf(static_cast<std::size_t>(item));
       makeFolder(own);
-      std::uint64_t clipped = 0;
+      SogReport report;
       const File& file = files_[static_cast<std::size_t>(item)];
-      for (const ZipEntry& entry : sogFiles(modelOf(file), path_.string(), {}, &clipped)) {
+      for (const ZipEntry& entry : sogFiles(modelOf(file), path_.string(), {}, &report)) {
         add(own / entry.name, entry.bytes);
       }
-      clipped_texels_ += clipped;
+      clipped_texels_ += report.clipped_texels;
     });
   }
 

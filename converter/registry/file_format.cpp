@@ -153,11 +153,13 @@ void warnClipped(std::vector<std::string>& warnings, std::uint64_t count, const 
 }
 
 void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
-  std::uint64_t clipped = 0;
+  SogReport report;
   written.order = writeSog(
       path, source.model,
-      {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)}, &clipped);
-  warnClipped(written.warnings, clipped, "texels");
+      {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)}, &report);
+  written.texels = report.texels;
+  if (report.texels == 0) written.texture_mode = name(TextureMode::none);
+  warnClipped(written.warnings, report.clipped_texels, "texels");
 }
 
 // Keys may be sorted, and names of files fill the start.
@@ -520,7 +522,7 @@ void writeModel(const Format& format, const Path& path, const Bundle& source, co
   written.texture_mode = name(format.holds(kKeepsTextures) ? source.model.texture_mode : TextureMode::none);
   if (format.holds(kKeepsTextures) || !isTextured(source.model)) {
     format.write(path, source, options, written);
-    if (written.texels == 0) {
+    if (written.texels == 0 && written.texture_mode != name(TextureMode::none)) {
       for (const TextureRect& rect : source.model.atlas.rects) written.texels += rect.texelCount();
     }
     return;

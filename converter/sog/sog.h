@@ -33,17 +33,22 @@ struct SogOptions {
   float texture_step = kTextureStep;
 };
 
+struct SogReport {
+  std::uint64_t texels = 0;          // that are stored, those of shared textures once for each Gaussian; 0: no textures
+  std::uint64_t clipped_texels = 0;  // of them, how many are further from neutral than the widest steps reach
+};
+
 // Along a Hilbert curve, in the order that is returned: Gaussian j of the file is Gaussian order[j] of the model. Axes
 // of Gaussians without a texture may come back renamed (core/model/equivalent_axes.h). Textured models keep their
-// textures; the base that other readers show is bakeFallback's. Same model in, same bytes out. Atomic. Throws
-// Error(cannotWrite), Error(badData) for a texture of more than 255 texels a side and for more Gaussians or texels than
-// images of 16383 pixels a side hold. `clipped`: how many texels are further from neutral than the widest steps reach,
-// those of shared textures once for each Gaussian.
+// textures but for those that the steps leave nothing of, which come back as what stands in for them; the base that
+// other readers show is bakeFallback's. Same model in, same bytes out. Atomic. Throws Error(cannotWrite),
+// Error(badData) for a texture of more than 255 texels a side and for more Gaussians or texels than images of 16383
+// pixels a side hold. `report` may be null.
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
-                                    const SogOptions& options = {}, std::uint64_t* clipped = nullptr);
+                                    const SogOptions& options = {}, SogReport* report = nullptr);
 // meta.json and the images, Gaussians in the model's order: what an archive or a folder holds. `path` starts messages.
 // Throws as writeSog.
 std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, const SogOptions& options = {},
-                               std::uint64_t* clipped = nullptr);
+                               SogReport* report = nullptr);
 
 }  // namespace tg

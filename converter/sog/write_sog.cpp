@@ -32,6 +32,7 @@ using Json = nlohmann::ordered_json;
 constexpr double kCoefficientStep = 0.03;  // of DC and SH, at options.steps 1
 constexpr double kLastCode = 65535;        // of a coordinate
 constexpr double kWidestStep = 1;          // of texels
+constexpr glm::vec4 kNeutralTexel(0, 0, 0, 1);
 
 // Steps of the other codes, 1 at least, at options.steps `f`: such that a byte less costs a picture about as much
 // whatever it is taken from (docs/lab/converter.md).
@@ -39,9 +40,10 @@ constexpr double kWidestStep = 1;          // of texels
 // theirs at once, so that files shrink by little.
 double positionStep(double f, int axis) { return std::exp2(std::floor(2 + 1.5 * std::log2(f) + axis / 3.0)); }
 double opacityStep(double f) { return 4 * f - 2; }
-// Textures of a Gaussian's own hang on its axes.
-double rotationStep(double f, bool textured) { return textured ? f / 4 : f; }
-double scaleStep(double f, bool textured) { return std::pow(textured ? f / 4 : f, 0.6); }
+// Textures of a Gaussian's own hang on its axes: `textured`, 1 of those that have one, of all others the part of all
+// that has one; scales have a codebook for all.
+double rotationStep(double f, double textured) { return f * std::pow(0.25, textured); }
+double scaleStep(double f, double textured) { return std::pow(f * std::pow(0.25, textured), 0.6); }
 
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
 
@@ -96,8 +98,11 @@ class SogWriter {
   std::vector<ZipEntry> write() {
     meta_["version"] = sog::kVersion;
     meta_["count"] = model_.size();
-    for (const glm::vec3& log_scale : model_.log_scale) shortest_axes_.push_back(shortestAxis(log_scale));
-    if (isTextured(model_)) addTextures();  // first: the base holds what stands in for the texels as they are stored
+    if (isTextured(model_)) {
+      addTextures();  // first: the base holds what stands in for the texels
+    } else {
+      findShortestAxes();
+    }
     addMeans();
     addScales();
     addRotations();
@@ -112,10 +117,15 @@ class SogWriter {
     return entries;
   }
 
-  // Of those written, how many the widest steps do not reach.
-  std::uint64_t clippedTexels() const { return clipped_texels_; }
+  const SogReport& report() const { return report_; }
 
  private:
+  // Before scales are baked, which may make two the same.
+  void findShortestAxes() {
+    shortest_axes_.clear();
+    for (const glm::vec3& log_scale : model_.log_scale) shortest_axes_.push_back(shortestAxis(log_scale));
+  }
+
   // Of at least `pixels` pixels, opaque, and named so in the list that is returned.
   BytePixels& image(Json& files, const std::string& name, std::size_t pixels) {
     const auto side = static_cast<std::size_t>(std::ceil(std::sqrt(static_cast<double>(pixels))));
@@ -164,8 +174,8 @@ class SogWriter {
 
   void addScales() {
     const std::span<const float> numbers(&model_.log_scale.front().x, 3 * model_.size());
-    const auto size =
-        static_cast<std::size_t>(sog::kCodebook / std::max(1.0, scaleStep(options_.steps, own_textures_)));
+    const double step = scaleStep(options_.steps, textured_part_);
+    const auto size = static_cast<std::size_t>(sog::kCodebook / std::max(1.0, step));
     std::vector<float> codebook = makeCodebook(numbers, size);
     if (codebook.size() == size) shorten(codebook);
     Json files;
@@ -198,11 +208,13 @@ class SogWriter {
         if (std::abs(q[k]) > std::abs(q[largest])) largest = k;
       }
       const double sign = q[largest] < 0 ? -1.0 : 1.0;
+      const bool textured = !own_textures_.empty() && own_textures_[i];
+      const double step = rotationStep(options_.steps, textured ? 1.0 : textured_part_);
       std::uint8_t* bytes = pixels.data.data() + 4 * i;
       for (int k = 0, to = 0; k < 4; ++k) {
-        if (k != largest)
-          bytes[to++] = static_cast<std::uint8_t>(
-              stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), rotationStep(options_.steps, own_textures_), 255.0));
+        if (k != largest) {
+          bytes[to++] = static_cast<std::uint8_t>(stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), step, 255.0));
+        }
       }
       bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
     }
@@ -269,12 +281,16 @@ class SogWriter {
     bool shared() const { return !labels.empty(); }
   };
 
+  bool isShared(std::span<const std::uint32_t> groups) const {
+    return areShared(model_.atlas, groups) && model_.atlas.texels.size() <= sog::kMostHandedOut;
+  }
+
   // `base`: with the opacities that the reader sees.
   Stored storedTextures(const GaussianModel& base) const {
     const std::vector<TextureRect>& rects = model_.atlas.rects;
     const std::vector<std::uint32_t> groups = textureGroups(model_.atlas);
     Stored stored;
-    if (areShared(groups) && model_.atlas.texels.size() <= sog::kMostHandedOut) {
+    if (isShared(groups)) {
       const std::vector<std::uint32_t> owners = firstOfGroups(groups);
       std::vector<std::uint32_t> members(owners.size(), 0);
       for (const std::uint32_t group : groups) ++members[group];
@@ -305,7 +321,7 @@ class SogWriter {
       const std::vector<double> spreads = texelSpreads(group.width, group.height);
       for (const std::uint32_t i : group.textures) {
         for (std::size_t t = 0; t < spreads.size(); ++t) {
-          const glm::vec4 change = model_.atlas.texels[stored.rects[i].offset + t] - glm::vec4(0, 0, 0, 1);
+          const glm::vec4 change = model_.atlas.texels[stored.rects[i].offset + t] - kNeutralTexel;
           for (int k = 0; k < 4; ++k) {
             const double magnitude = std::abs(change[k]);
             const bool reached = stored.shared() && magnitude <= sog::kSharedReach;
@@ -323,6 +339,84 @@ class SogWriter {
     return steps;
   }
 
+  // Of a texel that differs so much from the neutral one: its bytes, not clamped.
+  static glm::dvec4 codesOf(const glm::vec4& change, const std::array<double, 2>& steps, double spread, bool shared) {
+    glm::dvec4 codes;
+    for (int k = 0; k < 4; ++k) {
+      codes[k] = wholeSteps(static_cast<double>(change[k]) / sog::texelStep(steps[k == 3], spread, shared));
+    }
+    return codes;
+  }
+
+  // Takes the textures whose texels all round to the neutral one: what stands in for them is nearer to the model, and
+  // takes fewer bytes. Whether there were any.
+  bool dropTextures(const Stored& stored, const std::array<double, 2>& steps, GaussianModel& base) {
+    std::vector<bool> neutral(stored.rects.size(), false);
+    for (const sog::SizeClass& group : sog::sizeClasses(stored.rects)) {
+      const std::vector<double> spreads = texelSpreads(group.width, group.height);
+      for (const std::uint32_t i : group.textures) {
+        bool all = true;
+        for (std::size_t t = 0; t < spreads.size() && all; ++t) {
+          const glm::vec4 change = model_.atlas.texels[stored.rects[i].offset + t] - kNeutralTexel;
+          all = codesOf(change, steps, spreads[t] * stored.coarser[i], stored.shared()) == glm::dvec4(0);
+        }
+        neutral[i] = all;
+      }
+    }
+    std::vector<std::uint32_t> dropped;
+    for (std::uint32_t i = 0; i < model_.size(); ++i) {
+      if (neutral[stored.shared() ? stored.labels[i] : i]) dropped.push_back(i);
+    }
+    if (dropped.empty()) return false;
+    const GaussianModel fallback = bakeFallback(select(model_, dropped), FallbackScale::fitted);
+    for (std::size_t k = 0; k < dropped.size(); ++k) {
+      const std::uint32_t i = dropped[k];
+      model_.atlas.rects[i] = {};
+      for (GaussianModel* model : {&model_, &base}) {
+        model->sh[i * model_.shCount()] = fallback.sh[k * model_.shCount()];
+        model->opacity_logit[i] = fallback.opacity_logit[k];
+        model->log_scale[i] = fallback.log_scale[k];
+      }
+    }
+    return true;
+  }
+
+  // Leaves in the model the texels that `stored` are, and their bytes in its image.
+  std::vector<glm::u8vec4> roundTexels(const Stored& stored, const std::array<double, 2>& steps) {
+    std::vector<std::uint64_t> members(stored.rects.size(), stored.shared() ? 0 : 1);  // that have the texture
+    for (const std::uint32_t label : stored.labels) ++members[label];
+    std::vector<glm::u8vec4> all_bytes;
+    report_ = {};
+    for (const sog::SizeClass& group : sog::sizeClasses(stored.rects)) {
+      const std::vector<double> spreads = texelSpreads(group.width, group.height);
+      for (std::size_t t = 0; t < spreads.size(); ++t) {
+        for (const std::uint32_t i : group.textures) {
+          const double spread = spreads[t] * stored.coarser[i];
+          glm::vec4& texel = model_.atlas.texels[stored.rects[i].offset + t];
+          const glm::dvec4 codes = codesOf(texel - kNeutralTexel, steps, spread, stored.shared());
+          glm::u8vec4& bytes = all_bytes.emplace_back();
+          bool clips = false;
+          for (int k = 0; k < 4; ++k) {
+            const double stored_byte = codes[k] + sog::kNeutralByte;
+            clips = clips || (steps[k == 3] == kWidestStep && (stored_byte < 0 || stored_byte > 255));
+            bytes[k] = toByte(stored_byte);
+            const double own = sog::texelStep(steps[k == 3], spread, stored.shared());
+            texel[k] = static_cast<float>(static_cast<double>(kNeutralTexel[k]) + (bytes[k] - sog::kNeutralByte) * own);
+          }
+          texel.a = std::clamp(texel.a, 0.0f, 1.0f);
+          report_.texels += members[i];
+          if (clips) report_.clipped_texels += members[i];
+        }
+      }
+    }
+    for (std::size_t i = 0; i < stored.labels.size(); ++i) {
+      const TextureRect own = model_.atlas.rects[i], owner = stored.rects[stored.labels[i]];
+      std::copy_n(model_.atlas.texels.begin() + owner.offset, owner.texelCount(),
+                  model_.atlas.texels.begin() + own.offset);
+    }
+    return all_bytes;
+  }
+
   // Leaves in the model the texels as they are stored, and then bakes them.
   void addTextures() {
     for (std::size_t i = 0; i < model_.size(); ++i) {
@@ -334,52 +428,51 @@ class SogWriter {
       }
     }
     neutralize(model_.atlas.texels, model_.texture_mode);
-    // The reader chooses steps by the opacity that is stored: the fallback's of the texels before they are rounded.
+    // Of the texels before they are rounded: other readers see all of them, ours take off the mean of what is stored.
+    // The reader chooses steps by the opacity that is stored.
     GaussianModel base = bakeFallback(model_, FallbackScale::kept);
-    const Stored stored = storedTextures(base);
+    Stored stored;
+    std::array<double, 2> steps;
+    std::vector<glm::u8vec4> bytes;
+    do {  // once more where rounding makes textures equal: whoever reads the file would find them shared
+      do {
+        stored = storedTextures(base);
+        steps = texelSteps(stored);
+      } while (dropTextures(stored, steps, base));
+      bytes = roundTexels(stored, steps);
+    } while (!stored.shared() && isShared(textureGroups(model_.atlas)));
+    renameAxesForCoding(model_);
+    findShortestAxes();
+    if (bytes.empty()) {
+      model_ = withoutTextures(model_);
+      return;
+    }
+    const bool shared = stored.shared();
+    if (!shared) {
+      for (const TextureRect& rect : stored.rects) own_textures_.push_back(rect.texelCount() > 0);
+      const auto textured = static_cast<double>(std::ranges::count(own_textures_, true));
+      textured_part_ = textured / static_cast<double>(model_.size());
+    }
+    addTextureImages(stored, steps, bytes);
+    model_ = bakeFallback(model_, sog::fallbackScale(shared));
+    model_.sh = std::move(base.sh);
+    if (!shared) model_.opacity_logit = std::move(base.opacity_logit);
+  }
+
+  void addTextureImages(const Stored& stored, const std::array<double, 2>& steps, std::span<const glm::u8vec4> bytes) {
     Json files;
     BytePixels& sizes = image(files, "texture_sizes.webp", stored.rects.size());
-    std::size_t texels = 0;
     for (std::size_t i = 0; i < stored.rects.size(); ++i) {
       sizes.data[4 * i] = static_cast<std::uint8_t>(stored.rects[i].width);
       sizes.data[4 * i + 1] = static_cast<std::uint8_t>(stored.rects[i].height);
-      texels += stored.rects[i].texelCount();
     }
-    BytePixels& values = image(files, "texture_texels.webp", std::max<std::size_t>(texels, 1));
-    std::size_t at = 0;
-    std::vector<std::uint64_t> members(stored.rects.size(), stored.shared() ? 0 : 1);  // that have the texture
-    for (const std::uint32_t label : stored.labels) ++members[label];
-    const std::array<double, 2> steps = texelSteps(stored);
-    for (const sog::SizeClass& group : sog::sizeClasses(stored.rects)) {
-      const std::vector<double> spreads = texelSpreads(group.width, group.height);
-      for (std::size_t t = 0; t < spreads.size(); ++t) {
-        for (const std::uint32_t i : group.textures) {
-          const double spread = spreads[t] * stored.coarser[i];
-          glm::vec4& texel = model_.atlas.texels[stored.rects[i].offset + t];
-          std::uint8_t* bytes = values.data.data() + 4 * at++;
-          bool clips = false;
-          for (int k = 0; k < 4; ++k) {
-            const double own = sog::texelStep(steps[k == 3], spread, stored.shared()), neutral = k == 3 ? 1.0 : 0.0;
-            const double stored_byte = wholeSteps((texel[k] - neutral) / own) + sog::kNeutralByte;
-            clips = clips || (steps[k == 3] == kWidestStep && (stored_byte < 0 || stored_byte > 255));
-            bytes[k] = toByte(stored_byte);
-            texel[k] = static_cast<float>(neutral + (bytes[k] - sog::kNeutralByte) * own);
-          }
-          texel.a = std::clamp(texel.a, 0.0f, 1.0f);
-          if (clips) clipped_texels_ += members[i];
-        }
-      }
-    }
-    const bool shared = stored.shared();
-    own_textures_ = !shared;
-    textures_ = {{"version", shared ? sog::kSharedTextures : sog::kOwnTextures}};
-    if (shared) {
+    BytePixels& values = image(files, "texture_texels.webp", bytes.size());
+    for (std::size_t at = 0; at < bytes.size(); ++at) std::copy_n(&bytes[at].x, 4, values.data.data() + 4 * at);
+    textures_ = {{"version", stored.shared() ? sog::kSharedTextures : sog::kOwnTextures}};
+    if (stored.shared()) {
       textures_["textures"] = stored.owners.size();
       BytePixels& labels = image(files, "texture_labels.webp", model_.size());
       for (std::size_t i = 0; i < model_.size(); ++i) {
-        const TextureRect own = model_.atlas.rects[i], owner = stored.rects[stored.labels[i]];
-        std::copy_n(model_.atlas.texels.begin() + owner.offset, owner.texelCount(),
-                    model_.atlas.texels.begin() + own.offset);
         labels.data[4 * i] = static_cast<std::uint8_t>(stored.labels[i] & 255u);
         labels.data[4 * i + 1] = static_cast<std::uint8_t>(stored.labels[i] >> 8);
       }
@@ -389,14 +482,13 @@ class SogWriter {
                       {"outside", name(model_.outside)},
                       {"steps", steps},
                       {"files", std::move(files)}});
-    model_ = bakeFallback(model_, sog::fallbackScale(shared));
-    if (!shared) model_.opacity_logit = std::move(base.opacity_logit);
   }
 
   GaussianModel model_;
-  std::vector<int> shortest_axes_;  // of the model as it is given
-  bool own_textures_ = false;       // each Gaussian its own
-  std::uint64_t clipped_texels_ = 0;
+  std::vector<int> shortest_axes_;
+  std::vector<bool> own_textures_;  // whether a Gaussian has one; empty: none, or those that others have, too
+  double textured_part_ = 0;        // of own_textures_
+  SogReport report_;
   const SogOptions& options_;
   const std::string& path_;
   Json meta_ = Json::object(), textures_;
@@ -406,7 +498,7 @@ class SogWriter {
 }  // namespace
 
 std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, const SogOptions& options,
-                               std::uint64_t* clipped) {
+                               SogReport* report) {
   TG_ASSERT(lengthsAgree(model), "the model's arrays have their lengths");
   TG_ASSERT(options.steps >= kLeastSteps && options.steps <= kMostSteps && options.texture_step > 0,
             "steps that the format has");
@@ -414,15 +506,15 @@ std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, con
   renameAxesForCoding(model);
   SogWriter writer(std::move(model), options, path);
   std::vector<ZipEntry> entries = writer.write();
-  if (clipped) *clipped = writer.clippedTexels();
+  if (report) *report = writer.report();
   return entries;
 }
 
 std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const GaussianModel& model,
-                                    const SogOptions& options, std::uint64_t* clipped) {
+                                    const SogOptions& options, SogReport* report) {
   std::vector<std::uint32_t> order;
   if (model.size() > 0) order = hilbertOrder(model.mean);
-  const std::vector<ZipEntry> entries = sogFiles(select(model, order), path.string(), options, clipped);
+  const std::vector<ZipEntry> entries = sogFiles(select(model, order), path.string(), options, report);
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) { writeZip(temporary, entries, path); });
   return order;
 }

@@ -310,18 +310,14 @@ std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups) 
   return first;
 }
 
-bool areShared(std::span<const std::uint32_t> groups) {
-  if (groups.empty()) return false;
-  const std::size_t different = firstOfGroups(groups).size();
-  return different <= kMostSharedTextures && 2 * different <= groups.size();
-}
-
-bool shareTexels(const TextureAtlas& atlas, std::span<const std::uint32_t> groups) {
-  std::vector<std::uint8_t> known(groups.size(), 0);
-  for (std::size_t i = 0; i < groups.size(); ++i) {
-    if (atlas.rects[i].texelCount() > 0 && std::exchange(known[groups[i]], 1) != 0) return true;
-  }
-  return false;
+bool areShared(const TextureAtlas& atlas, std::span<const std::uint32_t> groups) {
+  TG_ASSERT(groups.size() == atlas.rects.size(), "a group of each Gaussian");
+  const std::vector<std::uint32_t> first = firstOfGroups(groups);
+  const auto hasTexels = [&](std::uint32_t i) { return atlas.rects[i].texelCount() > 0; };
+  const auto different = std::ranges::count_if(first, hasTexels);
+  const auto textured =
+      std::ranges::count_if(atlas.rects, [](const TextureRect& rect) { return rect.texelCount() > 0; });
+  return different > 0 && first.size() <= kMostSharedTextures && 2 * different <= textured;
 }
 
 TextureAtlas heldOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> groups) {
@@ -344,7 +340,7 @@ std::optional<TextureAtlas> heldOnce(const TextureAtlas& atlas) {
     if (firstOfGroups(groupsOf(atlas, kEnough)).size() > kMostSharedTextures) return std::nullopt;
   }
   const std::vector<std::uint32_t> groups = textureGroups(atlas);
-  if (!areShared(groups)) return std::nullopt;
+  if (!areShared(atlas, groups)) return std::nullopt;
   return heldOnce(atlas, groups);
 }
 

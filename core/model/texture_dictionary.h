@@ -22,11 +22,9 @@ std::vector<std::uint32_t> textureGroups(const TextureAtlas& atlas);
 
 // The first Gaussian of each group.
 std::vector<std::uint32_t> firstOfGroups(std::span<const std::uint32_t> groups);
-// Whether at least two Gaussians share a texture, in the mean, and not more textures are different than
-// kMostSharedTextures: what files hold once.
-bool areShared(std::span<const std::uint32_t> groups);
-// Whether two Gaussians with texels are of one group.
-bool shareTexels(const TextureAtlas& atlas, std::span<const std::uint32_t> groups);
+// Whether at least two Gaussians share a texture, in the mean of those that have one, and not more textures are
+// different than kMostSharedTextures: what files hold once. groups: textureGroups().
+bool areShared(const TextureAtlas& atlas, std::span<const std::uint32_t> groups);
 
 // Each group's texture once, that of its first Gaussian, where the rectangles of the whole group lie; in groups' order.
 TextureAtlas heldOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> groups);

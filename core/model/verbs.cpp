@@ -58,7 +58,7 @@ void neutralize(std::span<glm::vec4> texels, TextureMode mode) {
 std::size_t parameterCount(const GaussianModel& model) {
   const std::size_t channels = (hasColor(model.texture_mode) ? 3 : 0) + (hasAlpha(model.texture_mode) ? 1 : 0);
   std::size_t texels = model.atlas.texels.size();
-  if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(groups)) {
+  if (const std::vector<std::uint32_t> groups = textureGroups(model.atlas); areShared(model.atlas, groups)) {
     texels = 0;
     for (const std::uint32_t first : firstOfGroups(groups)) texels += model.atlas.rects[first].texelCount();
   }

@@ -50,10 +50,20 @@ Quantized phaseOf(int done, int iterations) {
   return static_cast<Quantized>(std::int64_t{done} * kQuantizedPhases / iterations);
 }
 
-// Between atlases of the same textures in another order.
+// Whether a file has no texture for a Gaussian that has one, but what stands in for it.
+bool isDropped(const GaussianModel& stored, const GaussianModel& model, std::size_t i) {
+  if (model.atlas.rects.empty() || model.atlas.rects[i].texelCount() == 0) return false;
+  return stored.atlas.rects.empty() || stored.atlas.rects[i].texelCount() == 0;
+}
+
+// Between atlases of the same textures in another order, from which some are dropped.
 void copyTexels(const TextureAtlas& from, TextureAtlas& to) {
-  TG_ASSERT(from.rects.size() == to.rects.size(), "atlases of as many textures");
+  TG_ASSERT(from.rects.empty() || from.rects.size() == to.rects.size(), "atlases of as many textures");
   for (std::size_t i = 0; i < to.rects.size(); ++i) {
+    if (from.rects.empty() || from.rects[i].texelCount() == 0) {
+      std::fill_n(to.texels.begin() + to.rects[i].offset, to.rects[i].texelCount(), glm::vec4(0, 0, 0, 1));
+      continue;
+    }
     TG_ASSERT(from.rects[i].texelCount() == to.rects[i].texelCount(), "textures of the same size");
     std::copy_n(from.texels.begin() + from.rects[i].offset, to.rects[i].texelCount(),
                 to.texels.begin() + to.rects[i].offset);
@@ -322,8 +332,7 @@ void Trainer::findTextureGroups() {
   pull();
   if (!isTextured(state_.training.model)) return;
   std::vector<std::uint32_t> groups = textureGroups(state_.training.model.atlas);
-  // Of a model whose textures were cut many have none, alike.
-  if (!dictionary && !(areShared(groups) && shareTexels(state_.training.model.atlas, groups))) return;
+  if (!dictionary && !areShared(state_.training.model.atlas, groups)) return;
   requireSharing(true, engine_->sharesTextures());
   state_.texture_groups = std::move(groups);
 }
@@ -578,12 +587,19 @@ void Trainer::quantizeNext() {
       model.rotation = std::move(stored.rotation);
       break;
     case Quantized::logScale:
-      model.log_scale = stored.log_scale;
+      for (std::size_t i = 0; i < model.size(); ++i) {
+        if (!isDropped(stored, model, i)) model.log_scale[i] = stored.log_scale[i];
+      }
       break;
     case Quantized::texelsAndOpacity:
       model.opacity_logit = std::move(stored.opacity_logit);
       // Of what shares textures a file's scales follow from the texels (converter/sog).
-      if (areShared(textureGroups(model.atlas))) model.log_scale = stored.log_scale;
+      if (areShared(stored.atlas, textureGroups(stored.atlas))) model.log_scale = stored.log_scale;
+      for (std::size_t i = 0; i < model.size(); ++i) {
+        if (!isDropped(stored, model, i)) continue;
+        model.log_scale[i] = stored.log_scale[i];
+        model.sh[i * model.shCount()] = stored.sh[i * model.shCount()];
+      }
       copyTexels(stored.atlas, model.atlas);
       break;
     case Quantized::shRest:

@@ -65,15 +65,24 @@ TEST_CASE("textures of one group are equal in every texel and in size", "[textur
   add(0, 0, {});
   CHECK(textureGroups(atlas) == std::vector<std::uint32_t>{0, 1, 2, 3, 0, 3});
   CHECK(textureGroups({}).empty());
-  CHECK_FALSE(areShared({}));
-  CHECK_FALSE(areShared(std::vector<std::uint32_t>{0, 1, 1}));
-  CHECK(areShared(std::vector<std::uint32_t>{0, 1, 1, 0}));
-  // Textures that were cut: what has none shares none.
-  const TextureAtlas cut = {{{}, {}, {}, {}, {0, 1, 1}, {1, 1, 1}}, {glm::vec4(0.1f), glm::vec4(0.2f)}};
-  CHECK(areShared(textureGroups(cut)));
-  CHECK_FALSE(shareTexels(cut, textureGroups(cut)));
-  const TextureAtlas alike = {cut.rects, {glm::vec4(0.1f), glm::vec4(0.1f)}};
-  CHECK(shareTexels(alike, textureGroups(alike)));
+}
+
+TEST_CASE("textures are shared where two Gaussians that have one have the same in the mean", "[textures]") {
+  const auto shared = [](const std::vector<float>& textures) {  // of a texel; below 0: none
+    TextureAtlas atlas;
+    for (const float texture : textures) {
+      const std::uint16_t side = texture >= 0 ? 1 : 0;
+      atlas.rects.push_back({static_cast<std::uint32_t>(atlas.texels.size()), side, side});
+      if (side == 1) atlas.texels.emplace_back(texture);
+    }
+    return areShared(atlas, textureGroups(atlas));
+  };
+  CHECK_FALSE(shared({}));
+  CHECK_FALSE(shared({0.1f, 0.2f, 0.2f}));
+  CHECK(shared({0.1f, 0.2f, 0.2f, 0.1f}));
+  CHECK_FALSE(shared({-1, -1, -1, -1, 0.1f, 0.2f}));
+  CHECK(shared({-1, -1, -1, -1, 0.1f, 0.1f}));
+  CHECK_FALSE(shared({-1, -1}));
 }
 
 TEST_CASE("what is shared is held once, where every rectangle that has it lies", "[textures]") {
@@ -141,7 +150,7 @@ TEST_CASE("no more textures are left than were asked for, those that weigh most 
   shareTextures(model, 16, weights, 0.0, 7);
   const std::vector<std::uint32_t> groups = textureGroups(model.atlas);
   CHECK(*std::ranges::max_element(groups) < 16);
-  CHECK(areShared(groups));
+  CHECK(areShared(model.atlas, groups));
   double heavy = 0, light = 0;  // what is lost, without regard to turns: a turned texture has the same sum
   const auto sumOf = [](const GaussianModel& of, std::size_t i) {
     glm::dvec4 sum(0.0);

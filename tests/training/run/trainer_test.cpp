@@ -400,6 +400,32 @@ TEST_CASE("scales that a file takes from shared textures are those of the texels
   CHECK(model.log_scale == follow(model).log_scale);
 }
 
+TEST_CASE("a texture that a file leaves out is left out in training, with what stands in for it", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.quantize_iterations = 20;
+  tg::Trainer trainer(dataset, settings, *renderer);
+  std::vector<float> scales;  // of the first Gaussian, of each call
+  trainer.onQuantizing([&](const tg::GaussianModel& model, float&) {
+    tg::GaussianModel stored = model;
+    scales.push_back(model.log_scale[0].x);
+    stored.atlas.rects[0] = {};
+    stored.log_scale[0] -= 0.25f;
+    return stored;
+  });
+  while (trainer.step()) continue;
+  const tg::GaussianModel model = trainer.model();
+  REQUIRE(scales.size() == 5);
+  CHECK(scales[3] == scales[2]);  // scales are taken, and those of this one wait for its texels
+  CHECK(model.log_scale[0].x == scales[3] - 0.25f);
+  const tg::TextureRect rect = model.atlas.rects[0];
+  REQUIRE(rect.texelCount() > 0);
+  for (std::size_t t = 0; t < rect.texelCount(); ++t) {
+    CHECK(model.atlas.texels[rect.offset + t] == glm::vec4(0, 0, 0, 1));
+  }
+}
+
 TEST_CASE("a dictionary of more textures than half of the Gaussians is kept in training for a file", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
@@ -416,7 +442,7 @@ TEST_CASE("a dictionary of more textures than half of the Gaussians is kept in t
   const std::size_t different = *std::ranges::max_element(shared) + 1;
   REQUIRE(different < shared.size());
   REQUIRE(2 * different > shared.size());
-  REQUIRE_FALSE(tg::areShared(shared));
+  REQUIRE_FALSE(tg::areShared(trainer.model().atlas, shared));
   while (trainer.step()) CHECK(groups() == shared);
 }
 
