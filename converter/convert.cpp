@@ -246,14 +246,21 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   std::optional<Bundle> adapted;
   if (options.viewer) adapted = adaptedBundle(source, options, format, base, write_options, report);
   if (!options.cameras) (adapted ? *adapted : source).cameras.clear();
-  const Bundle& written = adapted ? *adapted : source;
-  report.cameras = format.holds(kKeepsCameras) ? written.cameras.size() : 0;
-  report.gaussians = written.model.size();
+  const Bundle* written = adapted ? &*adapted : &source;
+  report.cameras = format.holds(kKeepsCameras) ? written->cameras.size() : 0;
+  report.gaussians = written->model.size();
+  std::optional<Bundle> bare;
   if (options.target.given()) {
-    write_options.steps = stepsFor(format, output, written, views, write_options, options.target);
+    const Chosen chosen = chooseSteps(format, output, *written, views, write_options, options.target);
+    write_options.steps = chosen.steps;
+    if (!chosen.textured) {
+      bare = untextured(*written);
+      written = &*bare;
+      report.warnings.emplace_back("written without textures: in so few bytes that is nearer to the model");
+    }
   }
   if (format.has_steps) report.steps = write_options.steps;
-  write(written);
+  write(*written);
   if (measured && format.read && (changes || options.measure == Measure::always)) {
     measure(format, output, source, views, report);
   }

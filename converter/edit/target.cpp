@@ -5,10 +5,13 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "converter/edit/quality.h"
 #include "core/file/scratch_folder.h"
+#include "core/model/fallback.h"
+#include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 
@@ -74,6 +77,46 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
     (isFineEnough(middle) ? fine : coarse) = middle;
   }
   return static_cast<float>(std::exp2(by_size ? coarse : fine));
+}
+
+Chosen chooseSteps(const Format& format, const std::filesystem::path& name, const Bundle& source,
+                   std::span<const Camera> views, const WriteOptions& options, const Target& target) {
+  const auto search = [&](const Bundle& of) { return stepsFor(format, name, of, views, options, target); };
+  const bool has_choice = isTextured(source.model) && format.holds(kKeepsTextures) && !options.base;
+  if (target.bytes == 0 || !has_choice || !isMeasuredUnasked(source.model)) return {.steps = search(source)};
+  const auto reached = [&](const Bundle& of) -> std::optional<float> {
+    try {
+      return search(of);
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::usage) throw;
+      return std::nullopt;
+    }
+  };
+  const auto psnrTo = [&](const GaussianModel& model) {
+    return renderedPsnr(source.model, model, views, source.background);
+  };
+  const auto psnrOf = [&](const Bundle& of, float steps) {
+    const ScratchFolder folder;
+    const std::filesystem::path file = folder.path() / name.filename();
+    WriteOptions own = options;
+    own.steps = steps;
+    write(format, file, name, of, own);
+    return psnrTo(readModel(file).model);
+  };
+  const Bundle bare = untextured(source);
+  const std::optional<float> steps = reached(source);
+  if (!steps) return {.steps = search(bare), .textured = false};
+  const double psnr = psnrOf(source, *steps);
+  if (psnr >= psnrTo(bare.model)) return {.steps = *steps};  // no steps bring the other one nearer
+  const std::optional<float> bare_steps = reached(bare);
+  if (bare_steps && psnrOf(bare, *bare_steps) > psnr) return {.steps = *bare_steps, .textured = false};
+  return {.steps = *steps};
+}
+
+Bundle untextured(const Bundle& source) {
+  Bundle bare = source;
+  bare.model = bakeFallback(source.model, FallbackScale::fitted);
+  return bare;
 }
 
 std::uint64_t bytesOf(const Format& format, const std::filesystem::path& name, const Bundle& source,

@@ -26,6 +26,18 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
                std::span<const Camera> views, WriteOptions options, const Target& target);
 
+struct Chosen {
+  float steps = 1;
+  bool textured = true;
+};
+// The same, and where a textured source should have a size whether it is nearer to itself as what stands in for it
+// without textures, by drawing `views`, or no steps reach it otherwise. Models whose pictures nobody asks for are too
+// large for that: textured.
+Chosen chooseSteps(const Format& format, const std::filesystem::path& name, const Bundle& source,
+                   std::span<const Camera> views, const WriteOptions& options, const Target& target);
+// `source` as what stands in for it without textures.
+Bundle untextured(const Bundle& source);
+
 // Of what writeModel() makes of `source` at a file of this name.
 std::uint64_t bytesOf(const Format& format, const std::filesystem::path& name, const Bundle& source,
                       WriteOptions options);
