@@ -216,7 +216,9 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   CHECK_THAT(twin.output, Contains(" texels each\n"));
   CHECK(fs::exists(folder / "plain.tgz"));
   // A start model with textures keeps them and its Gaussians, one without its SH degree.
-  CHECK_THAT(tgtrain(folder, quick + "b.sog --start-model a.sog").output,
+  const std::string textured = "scene --iterations 20 --texture-iterations 4 --sh-degree 1 --texture-size 2 -o t.tgz";
+  REQUIRE(tgtrain(folder, textured).code == 0);
+  CHECK_THAT(tgtrain(folder, quick + "b.sog --start-model t.tgz").output,
              Contains("planned for 6000 bytes: SH degree 1\n") && Contains("quantized       40 iterations"));
   CHECK_THAT(tgtrain(folder, "scene --preset quick --target-size 20KB -o c.sog --start-model plain.tgz").output,
              Contains("planned for 20000 bytes: SH degree 1, "));
@@ -253,7 +255,8 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
     REQUIRE(trained.code == 0);
     const std::uint64_t size = fs::file_size(folder / "scene.sog");
     CHECK(size <= bytes);
-    CHECK(size >= bytes * 97 / 100);  // so small a file jumps by per cents from step to step
+    // So small a file jumps by per cents from step to step, and by textures of which nothing is left.
+    CHECK(size >= bytes * 95 / 100);
     CHECK_THAT(trained.output, Contains("wrote scene.sog (" + std::to_string(size) + " bytes, "));
   }
   const std::string coarse = "scene --overwrite --iterations 60 --texture-iterations 20 --gaussians 200 -o ";
