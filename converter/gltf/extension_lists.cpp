@@ -95,7 +95,7 @@ void checkExtensionLists(const json& root, std::vector<std::string>& errors, std
     error("/extensionsRequired", std::string(kQuantization) + " is used and not listed");
   }
   for (const std::string_view extension : {kSplatExtension, kTextureExtension}) {
-    if (!needed.contains(std::string(extension))) continue;
+    if (!needed.contains(std::string(extension)) || needed.contains(std::string(kSpzExtension))) continue;
     warnings.push_back("/extensionsRequired: " + std::string(extension) +
                        " is listed: loaders that could show the rest refuse the file");
   }

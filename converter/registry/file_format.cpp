@@ -159,6 +159,9 @@ void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& op
       {.steps = options.steps.value_or(1.0f), .texture_step = options.texture_step.value_or(kTextureStep)}, &report);
   written.texels = report.texels;
   if (report.texels == 0) written.texture_mode = name(TextureMode::none);
+  if (report.texels == 0 && !source.model.atlas.texels.empty()) {
+    written.warnings.emplace_back("nothing is left of the textures in such steps: they are left out");
+  }
   warnClipped(written.warnings, report.clipped_texels, "texels");
 }
 
@@ -457,6 +460,9 @@ const Format& detectFormat(const Path& path) {
   if (isJson(start) && start.holds("\"means\"") && start.holds("\"scales\"")) {
     throw Error(ErrorKind::badData, path.string(),
                 "is the meta.json of an unbundled SOG (expected a .sog, a ZIP archive of it and its images)");
+  }
+  if (isJson(start) && start.holds("\"geometricError\"")) {
+    throw Error(ErrorKind::badData, path.string(), "is a tileset of 3D Tiles (expected its content, a .glb)");
   }
   for (const Format& format : kFormats) {
     if (format.sniff && format.sniff(start)) return format;

@@ -150,6 +150,8 @@ TEST_CASE("the option --for knows its viewers, and the formats that they read") 
   CHECK(tgconvert(scratch, "models made --to glb --for spark").code == 1);
   for (const char* name : {"x.glb", "x.spz", "made"}) CHECK(!std::filesystem::exists(scratch.folder() / name));
   // The version that it opens.
+  REQUIRE(tgconvert(scratch, "in.ply three.spz --for three --quiet").code == 0);
+  CHECK(Glb::slurp(scratch.folder() / "three.spz").substr(0, 4) == "NGSP");
   REQUIRE(tgconvert(scratch, "in.ply spark.spz --for spark --quiet").code == 0);
   CHECK(Glb::slurp(scratch.folder() / "spark.spz").substr(0, 2) == "\x1f\x8b");
   writeGlb(scratch.folder() / "textured.glb",

@@ -49,7 +49,9 @@ TEST_CASE("a tileset names a GLB that is valid and holds the numbers of an SPZ o
     const TilesReport report = writeTiles(path, model);
     const fs::path content = scratch.folder() / "new/content.glb";
     CHECK(report.bytes == fs::file_size(path) + fs::file_size(content));
-    CHECK(checkFile(content).errors.empty());
+    const CheckReport checked = checkFile(content);
+    CHECK(checked.errors.empty());
+    CHECK(checked.warnings.empty());
     writeSpz(scratch.folder() / "direct.spz", model, 3);
     const GaussianModel direct = readModel(scratch.folder() / "direct.spz").model;
     const GaussianModel back = readModel(content).model;
@@ -67,8 +69,21 @@ TEST_CASE("a tileset names a GLB that is valid and holds the numbers of an SPZ o
     const auto& attributes = glb.json["meshes"][0]["primitives"][0]["attributes"];
     CHECK(attributes.size() == 4 + static_cast<std::size_t>((degree + 1) * (degree + 1) - 1));
     const auto tileset = nlohmann::json::parse(Glb::slurp(path));
-    CHECK(tileset["root"]["content"]["uri"] == "content.glb");
-    CHECK(tileset["extensions"]["3DTILES_content_gltf"]["extensionsRequired"] == glb.json["extensionsRequired"]);
+    const auto& extensions = glb.json["extensionsRequired"];
+    CHECK(extensions.size() == 2);
+    auto expected = nlohmann::json::parse(R"({
+      "asset": {"version": "1.1"}, "extensionsUsed": ["3DTILES_content_gltf"],
+      "root": {"geometricError": 0.0, "refine": "ADD", "content": {"uri": "content.glb"}}
+    })");
+    expected["extensions"]["3DTILES_content_gltf"] = {{"extensionsUsed", extensions},
+                                                      {"extensionsRequired", extensions}};
+    expected["geometricError"] = tileset["geometricError"];
+    expected["root"]["boundingVolume"] = tileset["root"]["boundingVolume"];
+    CHECK(tileset == expected);
+    const auto box = tileset["root"]["boundingVolume"]["box"].get<std::vector<double>>();
+    REQUIRE(box.size() == 12);
+    CHECK(tileset["geometricError"].get<double>() == Approx(2 * std::hypot(box[3], box[7], box[11])));
+    CHECK_THAT(test::messageOf([&] { (void)readModel(path); }), Contains("is a tileset of 3D Tiles"));
   }
 }
 

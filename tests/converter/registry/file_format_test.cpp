@@ -145,6 +145,23 @@ TEST_CASE("every format that is written is read again with what its row says tha
   }
 }
 
+TEST_CASE("textures of which nothing is left in the steps of a file are missed with a warning") {
+  const Scratch scratch;
+  Bundle source;
+  source.model = test::makeScene(test::SceneKind::ordinary, 11, 40).model;
+  const auto warns = [&] {
+    Written written;
+    writeModel(outputFormat("a.sog"), scratch.folder() / "a.sog", source, {.steps = 16.0f, .replace = true}, written);
+    return std::ranges::any_of(written.warnings,
+                               [](const std::string& w) { return w.starts_with("nothing is left of the textures"); });
+  };
+  CHECK_FALSE(warns());
+  for (glm::vec4& texel : source.model.atlas.texels) texel = glm::mix(glm::vec4(0, 0, 0, 1), texel, 0.01f);
+  CHECK(warns());
+  source.model = withoutTextures(source.model);
+  CHECK_FALSE(warns());
+}
+
 TEST_CASE("an intersection model that a file does not name is a warning, and no other is") {
   const Scratch scratch;
   Bundle source;
