@@ -256,7 +256,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     if (!chosen.textured) {
       bare = untextured(*written);
       written = &*bare;
-      report.warnings.emplace_back("written without textures: in so few bytes that is nearer to the model");
+      report.warnings.emplace_back(
+          "written without textures: in so few bytes that is nearer to the model, or all that fits");
     }
   }
   if (format.has_steps) report.steps = write_options.steps;

@@ -61,6 +61,16 @@ double stepped(double value, double step, double last) {
   return std::clamp(std::round(std::round(value / used) * used), 0.0, last);
 }
 
+// Of a rotation's component, in [-1, 1] / sqrt(2): coarse steps go out from the byte nearest to 0, to which components
+// are brought (renameAxesForCoding()).
+std::uint8_t rotationByte(double component, double step) {
+  constexpr double kMiddle = 128;
+  const double value = 255 * (component * std::sqrt(0.5) + 0.5);
+  if (step <= 1) return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0));
+  const double steps = std::round((value - kMiddle) / step);
+  return static_cast<std::uint8_t>(std::clamp(std::round(kMiddle + steps * step), 0.0, 255.0));
+}
+
 // To thousandths, which are short in meta.json, if the values of the codebook lie far enough apart for that.
 void shorten(std::vector<float>& codebook) {
   constexpr double kParts = 1000, kApart = 4 / kParts;
@@ -212,9 +222,7 @@ class SogWriter {
       const double step = rotationStep(options_.steps, textured ? 1.0 : textured_part_);
       std::uint8_t* bytes = pixels.data.data() + 4 * i;
       for (int k = 0, to = 0; k < 4; ++k) {
-        if (k != largest) {
-          bytes[to++] = static_cast<std::uint8_t>(stepped(255 * (sign * q[k] * std::sqrt(0.5) + 0.5), step, 255.0));
-        }
+        if (k != largest) bytes[to++] = rotationByte(sign * q[k], step);
       }
       bytes[3] = static_cast<std::uint8_t>(sog::kFirstLargest + largest);
     }

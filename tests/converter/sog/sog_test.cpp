@@ -533,6 +533,21 @@ TEST_CASE("SOG: steps that leave nothing of a texture leave its mean") {
   }
 }
 
+TEST_CASE("SOG: rotations that are nearly none stay so in steps of any width") {
+  const Scratch scratch;
+  GaussianModel model = withoutTextures(test::makeScene(test::SceneKind::ordinary, 31, 400).model);
+  model.rotation.assign(model.size(), glm::vec4(1, 0, 0, 0));
+  for (const float steps : {1.0f, 2.0f, 7.0f, 11.0f, 17.0f, 40.0f}) {
+    writeSog(scratch.folder() / "a.sog", model, {.steps = steps});
+    float largest = 0;
+    for (const glm::vec4& q : readSog(scratch.folder() / "a.sog").model.rotation) {
+      largest = std::max({largest, std::abs(q.y), std::abs(q.z), std::abs(q.w)});
+    }
+    CAPTURE(steps);
+    CHECK(largest < 0.003f);  // half a byte
+  }
+}
+
 TEST_CASE("SOG: a file that is read and written with the same steps once more stays as it is") {
   const Scratch scratch;
   const auto first = scratch.folder() / "a.sog", second = scratch.folder() / "b.sog";
