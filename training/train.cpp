@@ -165,7 +165,11 @@ std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, c
   }
   if (cut) said += formatted(", %.1f texels each", plan.texels);
   if (dictionary) said += formatted(", %d textures that they share", settings.texture_dictionary);
-  if (too_small) said += ", no textures, for which so small a file has no room (--adaptive-texels N asks for them)";
+  if (too_small) {
+    said += formatted(
+        ", no textures, for which so small a file has no room (--adaptive-texels N asks for them): %d iterations",
+        settings.iterations);
+  }
   return said;
 }
 

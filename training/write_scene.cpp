@@ -146,9 +146,9 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
     stored = select(stored, place);
   }
   renameAxesTowards(stored, model.rotation);
-  if (!model.atlas.rects.empty()) {
+  if (!stored.atlas.rects.empty()) {
     parallelFor(static_cast<std::int64_t>(model.size()), 1024, [&](std::int64_t i) {
-      if (model.atlas.rects[i].texelCount() == 0) return;
+      if (stored.atlas.rects[i].texelCount() == 0) return;
       orderAxesForNormal(gltfAxisOrder(model.log_scale[i]).z, stored.log_scale[i], stored.rotation[i]);
     });
   }

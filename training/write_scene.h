@@ -21,10 +21,9 @@ struct SceneSize {
 };
 
 // `model` as a file at `path` will hold it, in its own order and with its own names of axes: each attribute is near the
-// model's own, and may take its place alone. Where `steps` are 0 it
-// first sets them: the finest with which `bytes` are not exceeded, with a hundredth of them to spare for what training
-// still changes where there is so much room. Throws Error(usage) where no steps bring it to that size, and what the
-// writers throw.
+// model's own, and may take its place alone. Where `steps` are 0 it first sets them: the finest with which `bytes` are
+// not exceeded, with a hundredth of them to spare for what training still changes where there is so much room. Throws
+// Error(usage) where no steps bring it to that size, and what the writers throw.
 GaussianModel asStored(const std::string& path, const GaussianModel& model, std::uint64_t bytes, float& steps);
 
 // `write`s a file after hours of training. Without `replace` none that came meanwhile is replaced: then `keep` keeps

@@ -593,11 +593,11 @@ void Trainer::quantizeNext() {
       break;
     case Quantized::texelsAndOpacity:
       model.opacity_logit = std::move(stored.opacity_logit);
-      // Of what shares textures a file's scales follow from the texels (converter/sog).
-      if (areShared(stored.atlas, textureGroups(stored.atlas))) model.log_scale = stored.log_scale;
+      // A .sog's steps of these follow from which textures are left, and which are the same (converter/sog).
+      model.rotation = std::move(stored.rotation);
+      model.log_scale = std::move(stored.log_scale);
       for (std::size_t i = 0; i < model.size(); ++i) {
         if (!isDropped(stored, model, i)) continue;
-        model.log_scale[i] = stored.log_scale[i];
         model.sh[i * model.shCount()] = stored.sh[i * model.shCount()];
       }
       copyTexels(stored.atlas, model.atlas);
