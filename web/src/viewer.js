@@ -137,8 +137,8 @@ export class Viewer {
     if (this.splats) this.splats.dispose();
     this.splats = next;
     this.model = model;
-    const {camera, distance} = orbit.camera || !this.orbit ? orbit : this.orbit;
-    this.orbit = Object.assign(orbit, {camera, distance});
+    const {camera, distance, first} = orbit.camera || !this.orbit ? orbit : this.orbit;
+    this.orbit = Object.assign(orbit, {camera, distance, first});
     return true;
   }
 

@@ -6,7 +6,7 @@ const OUTSIDE_TITLES = {base: 'beyond its texture a splat shows its base colour'
 const SMALL = [600, 400];  // [px] up to which the panel waits to be asked for
 const OWN_KEYS = ['SELECT', 'INPUT', 'TEXTAREA'];
 const DONE_STAYS = 2700, DONE_FADES = 300;  // [ms] of a word that something is done
-const HAS_ADDRESS = !location.href.startsWith('about:');  // a frame's srcdoc has none
+const HAS_ADDRESS = !/^(about|blob|data):/.test(location.href);  // one that leads somewhere from elsewhere
 const FREE_VIEW = '-1';  // of the list of views, while it is none of them
 
 const element = (id) => document.getElementById(id);
