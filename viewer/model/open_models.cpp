@@ -387,6 +387,7 @@ bool OpenModels::takeRun(ViewerState& state) {
       given = true;
     });
     state.quit = state.quit && given;  // who leaves is to hear of it
+    if (!given && order->command == RunCommand::go) state.follow.told = RunCommand::pause;  // as it still is
   }
   std::optional<RunWatch::News> news = run_->take();
   if (!news) return false;

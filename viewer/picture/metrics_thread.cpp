@@ -39,15 +39,12 @@ std::optional<PictureMetrics> MetricsThread::measure(const Asked& asked) {
   RenderSettings settings = asked.request.settings;
   settings.exposure = 0;
   settings.outputs = {asked.request.output};
-  Image first;
-  ResampledPhotograph seen;
-  {
-    const SerialLoops alone;  // a picture of the view does not wait for this one
-    const std::unique_ptr<Renderer> renderer = makeCpuRenderer();
-    renderer->setModel(asked.request.model);
-    first = visualize(renderer->render(camera, settings), asked.request.output, settings);
-    seen = resampled(*asked.photograph, asked.request.other->taken, camera, settings.background);
-  }
+  const SerialLoops alone;  // a picture of the view does not wait for this one
+  const std::unique_ptr<Renderer> renderer = makeCpuRenderer();
+  renderer->setModel(asked.request.model);
+  const Image first = visualize(renderer->render(camera, settings), asked.request.output, settings);
+  const ResampledPhotograph seen =
+      resampled(*asked.photograph, asked.request.other->taken, camera, settings.background);
   return metricsOf(first, seen.image, seen.mask);
 }
 

@@ -13,7 +13,7 @@
 namespace tg {
 
 // Of a photograph as it is measured: the camera that took it. One of more than kMostMeasured pixels is made so many
-// times smaller that it has no more: FLIP takes seconds for a million.
+// times smaller that it has no more: FLIP takes a second for a million.
 Camera measuredCamera(const Camera& taken);
 constexpr int kMostMeasured = 1 << 22;
 

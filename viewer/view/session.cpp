@@ -154,20 +154,24 @@ Session withOthers(Session own, const Session& before, const Session& now) {
     if (!holds(before.recent, path) && !holds(own.recent, path)) own.recent.push_back(path);
   }
   if (own.recent.size() > kMaxRecentFiles) own.recent.resize(kMaxRecentFiles);
+  const Session mine = own;
   std::erase_if(own.bookmarks, [&](const ModelBookmarks& entry) {
     return entry.cameras == bookmarksOf(before, entry.model) && entry.cameras != bookmarksOf(now, entry.model);
   });
   for (const ModelBookmarks& entry : now.bookmarks) {
     const std::vector<Camera> known = bookmarksOf(before, entry.model);
     if (entry.cameras == known) continue;
-    const auto ours = std::ranges::find(own.bookmarks, entry.model, &ModelBookmarks::model);
-    if (ours == own.bookmarks.end()) {
-      own.bookmarks.push_back(entry);
-      continue;
-    }
     const auto among = [](const std::vector<Camera>& cameras, const Camera& camera) {
       return std::ranges::find(cameras, camera) != cameras.end();
     };
+    const auto ours = std::ranges::find(own.bookmarks, entry.model, &ModelBookmarks::model);
+    if (ours == own.bookmarks.end()) {
+      ModelBookmarks theirs = entry;
+      const bool emptied = bookmarksOf(mine, entry.model) != known;  // by this window
+      if (emptied) std::erase_if(theirs.cameras, [&](const Camera& camera) { return among(known, camera); });
+      if (!theirs.cameras.empty()) own.bookmarks.push_back(std::move(theirs));
+      continue;
+    }
     for (const Camera& camera : entry.cameras) {
       if (!among(known, camera) && !among(ours->cameras, camera)) ours->cameras.push_back(camera);
     }

@@ -69,7 +69,7 @@ void ComparisonControl::update(ViewerState& state, const Picture* picture, bool 
   if (const auto result = metrics_.take(); result && result->number >= first_) {
     figures_ = result->metrics;
     found_ = result->number;
-    compare.measured = found_ == asked_ && picture && picture->pair == pair_.lock();
+    compare.measured = found_ == asked_ && picture && picture->pair && picture->pair == pair_.lock();
   }
   const bool elsewhere = found && subject_ &&
                          (found->photograph != subject_->view.other->photograph ||

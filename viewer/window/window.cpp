@@ -109,7 +109,10 @@ class Viewer {
   glm::ivec2 pictureSize() const;
   glm::ivec2 wantedSize() const { return drawnSize(state_, pictureSize()); }
   // Numbers of the present picture are under way; scripts and captures wait for them.
-  bool measuring() const { return picture_ && hasFigures(*picture_) && complete() && !state_.compare.measured; }
+  bool measuring() const { return picture_ && hasFigures(*picture_) && measurable() && !state_.compare.measured; }
+  // Of a model that is still coming there are no figures.
+  bool measurable() const { return complete() && allThere(); }
+  bool allThere() const { return state_.scene.streamed_from > 0 ? state_.stream.settled : !state_.scene.partial; }
   void ask(const PictureRequest& request);
   void askForPicture(bool moving);
   void runEnded();
@@ -252,7 +255,7 @@ int Viewer::run() {
     graphics_->gui.endFrame();
     followAspect();
     askForPicture(moving || handleMoves());
-    comparison_.measure(state_, picture_.get(), complete());
+    comparison_.measure(state_, picture_.get(), measurable());
     timedOnDevice([&] {
       drawFrame();
       if ((complete() && !measuring()) || !capturing()) capture();
@@ -614,7 +617,7 @@ void Viewer::takePicture() {
   statistics_.device = picture_->device;
   statistics_.picture_size = size;
   if (options_.timings) {
-    const bool there = state_.scene.streamed_from > 0 ? state_.stream.settled : !state_.scene.partial;
+    const bool there = allThere();
     const bool whole = there && picture_->request.model == state_.scene.model && !statistics_.reduced;
     timings_.take(whole, state_.scene, documents_);
   }

@@ -185,6 +185,8 @@ TEST_CASE("bookmarks that two windows add to one model are all kept") {
   CHECK(bookmarksOf(both, "/m/both") == std::vector<Camera>{from(0), from(2), from(3), from(1)});
   CHECK(bookmarksOf(both, "/m/fresh") == std::vector<Camera>{from(5), from(4)});
   CHECK(bookmarksOf(both, "/m/less") == std::vector<Camera>{from(1), from(6)});
+  keepBookmarks(own, "/m/less", {});
+  CHECK(bookmarksOf(withOthers(own, before, now), "/m/less") == std::vector<Camera>{from(6)});
   keepBookmarks(own, "/m/both", std::vector<Camera>(kMaxBookmarks, from(3)));
   CHECK(bookmarksOf(withOthers(own, before, now), "/m/both").size() == kMaxBookmarks);
 }
