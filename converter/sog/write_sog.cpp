@@ -40,9 +40,8 @@ constexpr glm::vec4 kNeutralTexel(0, 0, 0, 1);
 // theirs at once, so that files shrink by little.
 double positionStep(double f, int axis) { return std::exp2(std::floor(2 + 1.5 * std::log2(f) + axis / 3.0)); }
 double opacityStep(double f) { return 4 * f - 2; }
-// Textures of a Gaussian's own hang on its axes: `textured`, 1 of those that have one, of all others the part of all
-// that has one; scales have a codebook for all.
-double rotationStep(double f, double textured) { return f * std::pow(0.25, textured); }
+// Textures of a Gaussian's own hang on its axes. Scales have a codebook for all, of which the part `textured` has one.
+double rotationStep(double f, bool textured) { return textured ? f / 4 : f; }
 double scaleStep(double f, double textured) { return std::pow(f * std::pow(0.25, textured), 0.6); }
 
 std::uint8_t toByte(double value) { return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0, 255.0)); }
@@ -219,7 +218,7 @@ class SogWriter {
       }
       const double sign = q[largest] < 0 ? -1.0 : 1.0;
       const bool textured = !own_textures_.empty() && own_textures_[i];
-      const double step = rotationStep(options_.steps, textured ? 1.0 : textured_part_);
+      const double step = rotationStep(options_.steps, textured);
       std::uint8_t* bytes = pixels.data.data() + 4 * i;
       for (int k = 0, to = 0; k < 4; ++k) {
         if (k != largest) bytes[to++] = rotationByte(sign * q[k], step);
