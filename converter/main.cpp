@@ -448,8 +448,8 @@ int convertMain(int argc, char** argv) {
   Arguments arguments;
   CheckArguments check_arguments;
   CLI::App app(
-      "Converts splat models to tgz, ply, compressed ply, splat, spz, sog, glb or a page that shows them. The input's "
-      "format is its content, the output's its extension.",
+      "Converts splat models to tgz, ply, compressed ply, splat, spz, sog, glb, 3D Tiles or a page that shows them. "
+      "The input's format is its content, the output's its extension.",
       "tgconvert");
   app.require_subcommand(0, 1);
   addConversion(app, arguments);
