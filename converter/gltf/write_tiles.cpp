@@ -121,16 +121,15 @@ TilesReport writeTiles(const std::filesystem::path& path, const GaussianModel& m
   const std::vector<std::uint8_t> glb = glbOf(model, formatSpz(model, path.string(), report.spz, kOldestSpz));
   const std::string tileset = dumpJson(tilesetOf(model, uriOf(content)), 2) + "\n";
   const std::filesystem::path folder = path.parent_path();
-  std::error_code status;
-  const bool made = !folder.empty() && std::filesystem::create_directory(folder, status);
-  if (status) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + status.message());
+  const bool made = !folder.empty() && createFolder(folder);
   try {
     AtomicFiles files(replace);
     files.add(folder / content, glb);
     files.add(path, bytesOf(tileset));
     files.commit();
   } catch (...) {
-    if (made) std::filesystem::remove(folder, status);
+    std::error_code ignored;
+    if (made) std::filesystem::remove(folder, ignored);
     throw;
   }
   report.bytes = glb.size() + tileset.size();

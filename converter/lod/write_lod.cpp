@@ -19,6 +19,7 @@
 #include "converter/lod/split.h"
 #include "converter/sog/sog.h"
 #include "core/bundle/camera_file.h"
+#include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/merge/moments.h"
@@ -180,12 +181,6 @@ class NewFolder {
   std::optional<RemovedBySignal> removed_;
 };
 
-void makeFolder(const fs::path& folder) {
-  std::error_code status;
-  fs::create_directory(folder, status);
-  if (status) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + status.message());
-}
-
 constexpr const char* kDigits = "0123456789";
 constexpr std::string_view kFileMeta = "/meta.json", kCamerasName = "cameras.json";
 
@@ -286,7 +281,7 @@ class Writer {
     const fs::path parent = path_.parent_path().empty() ? fs::path(".") : path_.parent_path();
     std::error_code status;
     const bool made = !fs::exists(parent, status);
-    if (made) makeFolder(parent);
+    if (made) createFolder(parent);
     try {
       requireWritable(path_);
       const std::vector<fs::path> before = filesBefore(path_);
@@ -346,7 +341,7 @@ class Writer {
   void writeFiles(const fs::path& folder) {
     parallelFor(static_cast<std::int64_t>(files_.size()), 1, [&](std::int64_t item) {
       const fs::path own = folder / folderOf(static_cast<std::size_t>(item));
-      makeFolder(own);
+      createFolder(own);
       SogReport report;
       const File& file = files_[static_cast<std::size_t>(item)];
       for (const ZipEntry& entry : sogFiles(modelOf(file), path_.string(), {}, &report)) {

@@ -10,6 +10,9 @@
 
 namespace tg {
 
+// Makes the folder where it is not there, its parent being; whether it did. Throws Error(cannotWrite).
+bool createFolder(const std::filesystem::path& folder);
+
 // Files that belong together, as a .gltf and what it refers to: add() writes each to a temporary name beside its own,
 // commit() gives them their names in that order. Without it nothing is left behind, and what was there before stays.
 class AtomicFiles {

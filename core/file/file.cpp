@@ -231,6 +231,13 @@ bool renameWithoutReplacing(const std::filesystem::path& from, const std::filesy
 KeepExisting::KeepExisting(bool keep) : before_(std::exchange(replaces, replaces && !keep)) {}
 KeepExisting::~KeepExisting() { replaces = before_; }
 
+bool createFolder(const std::filesystem::path& folder) {
+  std::error_code status;
+  const bool made = std::filesystem::create_directory(folder, status);
+  if (status) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + status.message());
+  return made;
+}
+
 AtomicFiles::AtomicFiles(bool replace) : replace_(replace && replaces) {}
 AtomicFiles::~AtomicFiles() = default;
 

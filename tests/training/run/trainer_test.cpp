@@ -381,15 +381,17 @@ TEST_CASE("textures that are equal by chance are not shared, neither in a run th
   CHECK(next.state().texture_groups == groups);
 }
 
-TEST_CASE("scales that a file takes from shared textures are those of the texels that it holds", "[trainer]") {
+TEST_CASE("rotations and scales that a file takes from textures are those of the texels that it holds", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::TrainSettings settings = shortRun();
-  settings.texture_dictionary = 4;
+  settings.texture_dictionary = GENERATE(0, 4);
   settings.quantize_iterations = 30;
   const auto follow = [](tg::GaussianModel model) {
     for (std::size_t i = 0; i < model.size(); ++i) {
-      model.log_scale[i] = glm::vec3(-3.0f - model.atlas.texels[model.atlas.rects[i].offset + 5].a);
+      const float alpha = model.atlas.texels[model.atlas.rects[i].offset + 5].a;
+      model.log_scale[i] = glm::vec3(-3.0f - alpha);
+      model.rotation[i] = glm::vec4(1, alpha, 0, 0);
     }
     return model;
   };
@@ -398,6 +400,7 @@ TEST_CASE("scales that a file takes from shared textures are those of the texels
   while (trainer.step()) continue;
   const tg::GaussianModel model = trainer.model();
   CHECK(model.log_scale == follow(model).log_scale);
+  CHECK(model.rotation == follow(model).rotation);
 }
 
 TEST_CASE("a texture that a file leaves out is left out in training, with what stands in for it", "[trainer]") {
