@@ -18,6 +18,7 @@
 #include "training/data_commands.h"
 #include "training/farm_flags.h"
 #include "training/mpi/launch.h"
+#include "training/outputs.h"
 #include "training/photos_flags.h"
 #include "training/plot.h"
 #include "training/split_flags.h"

@@ -2,7 +2,6 @@
 // Checks what can be checked first, trains, and writes what came of it.
 #include "training/train.h"
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -11,12 +10,9 @@
 #include <memory>
 #include <new>
 #include <optional>
-#include <string_view>
 #include <utility>
 
 #include "converter/gltf/write_gltf.h"
-#include "converter/registry/file_format.h"
-#include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/file/sha256.h"
 #include "core/model/fallback.h"
@@ -29,12 +25,12 @@
 #include "core/system/shell_word.h"
 #include "core/system/signals.h"
 #include "training/mpi/engine.h"
+#include "training/outputs.h"
 #include "training/photos/scan.h"
+#include "training/plan.h"
 #include "training/run/report.h"
-#include "training/run/size_plan.h"
 #include "training/run/trained_bundle.h"
 #include "training/run/trainer.h"
-#include "training/settings/schedule.h"
 #include "training/step/context.h"
 #include "training/together.h"
 #include "training/watch.h"
@@ -79,131 +75,11 @@ std::optional<GaussianModel> contextOf(const TrainFlags& options, const Dataset&
   return context;
 }
 
-// Whether a flag says it, or a file of settings, which names them all, other than the preset.
-template <typename Named>
-bool given(const TrainFlags& options, const TrainSettings& settings, const Named& named) {
-  const TrainSettings preset = presetSettings(options.preset);
-  return std::ranges::any_of(options.chosen, [&](const auto& setting) {
-    const SettingEntry& entry = *setting.first;
-    const bool by_flag = options.settings_file.empty() || options.by_flag.contains(&entry);
-    const bool chosen = !setting.second.empty() && (by_flag || entry.get(settings) != entry.get(preset));
-    return chosen && named(std::string_view(entry.name));
-  });
-}
-
-// A plain start model is drawn as it was trained, unless a flag names another intersection.
-void followStart(const TrainFlags& options, const GaussianModel* start, TrainSettings& settings) {
-  if (!start || isTextured(*start)) return;
-  if (!given(options, settings, [](std::string_view name) { return name == "intersection"; })) {
-    settings.intersection = start->intersection;
-  }
-}
-
-// What nobody chose, so that the output has room for it, by what is best at equal bytes (docs/frontier.md,
-// docs/lab/quality.md): SH degree 1, and no textures where neither a flag nor the start model speaks of them; where one
-// does, textures that Gaussians share, if these can be trained (`shares`). A start model keeps its SH degree, one with
-// textures its Gaussians and their texels. Returns what to say of it.
-std::string planSize(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start, bool shares,
-                     TrainSettings& settings) {
-  const auto given = [&](const auto& named) { return tg::given(options, settings, named); };
-  const auto is = [](std::initializer_list<std::string_view> names) {
-    return [names](std::string_view name) { return std::ranges::find(names, name) != names.end(); };
-  };
-  const bool speaks_of_textures = settings.compare_untextured || given([](std::string_view name) {
-                                    return name.find("texture") != name.npos || name.find("texel") != name.npos;
-                                  });
-  const bool counted = given(is({"gaussians", "percent"})),
-             sized = given(is({"texture-size"})) && settings.texture_size > 0;
-  const bool dealt_out = given(is({"adaptive-texels", "texel-budget"}));
-  const bool timed = given(is({"iterations", "densify-until"}));
-  const bool textured_start = start && isTextured(*start);
-  if (!given(is({"sh-degree"}))) settings.sh_degree = start ? start->sh_degree : kPlannedShDegree;
-  const double part = partOfSog(options.output);
-  const bool unasked =
-      !speaks_of_textures || settings.texture_mode == TextureMode::none || settings.texture_iterations == 0;
-  bool plain = unasked && !textured_start && (settings.iterations > 0 || settings.texture_iterations == 0);
-  bool too_small = false;  // for textures: more Gaussians show more
-  if (!plain && settings.texture_mode != TextureMode::none && shares && !textured_start && !dealt_out &&
-      !given(is({"texture-dictionary", "texture-sizes"}))) {
-    const int side = sized ? settings.texture_size : kPlannedTextureSize;
-    settings.texture_dictionary = planSharedTextures(options.target_bytes, part, side);
-    too_small = settings.texture_dictionary == 0 && settings.iterations > 0 && !settings.compare_untextured && !sized;
-    plain = too_small;
-  }
-  if (plain) {
-    settings.texture_mode = TextureMode::none;
-    if (!timed || too_small) {
-      settings.densify_until = makeSchedule(settings).densify_until;  // what is longer is for what stands
-      settings.iterations += settings.texture_iterations;
-    }
-  }
-  const bool textured = settings.texture_mode != TextureMode::none;
-  const bool dictionary = textured && settings.texture_dictionary > 0;
-  if (dictionary && !textured_start && !sized) settings.texture_size = kPlannedTextureSize;
-  const SizePlan plan =
-      dictionary ? planForDictionary(options.target_bytes, part, settings.sh_degree, settings.texture_dictionary,
-                                     std::max(settings.texture_size, 1))
-                 : planForSize(options.target_bytes, part, training_pixels, settings.sh_degree, settings.texture_mode);
-  const bool planned = !textured_start && !counted, cut = textured && !textured_start && !dealt_out && !dictionary;
-  if (planned) settings.gaussians = plan.gaussians;
-  if (cut) {
-    settings.adaptive_texels = static_cast<float>(plan.texels);
-    if (!sized) settings.texture_size = kPlannedTextureSize;
-  }
-  checkSettings(settings);
-  std::string said =
-      formatted("planned for %ju bytes: SH degree %d", std::uintmax_t{options.target_bytes}, settings.sh_degree);
-  if (planned) said += formatted(", %zu Gaussians", settings.gaussians);
-  if (counted && !textured_start && settings.percent == 0 && settings.gaussians > plan.gaussians) {
-    said += formatted(", %zu Gaussians, whose numbers will be coarser than those of the %zu it has room for",
-                      settings.gaussians, plan.gaussians);
-  }
-  const bool merges = settings.iterations > 0 && makeSchedule(settings).merge_after > 0;
-  const std::size_t grown = grownLimit(settings.gaussians, training_pixels);
-  if (planned && merges && grown > settings.gaussians) {
-    said += formatted(" (up to %zu until pairs are merged)", grown);
-  }
-  if (cut) said += formatted(", %.1f texels each", plan.texels);
-  if (dictionary) said += formatted(", %d textures that they share", settings.texture_dictionary);
-  if (too_small) {
-    said += formatted(
-        ", no textures, for which so small a file has no room (--adaptive-texels N asks for them): %d iterations",
-        settings.iterations);
-  }
-  return said;
-}
-
-// For a file of coarser numbers, where nobody said how long: as long as it pays (docs/lab/quality.md).
-constexpr int kQuantizedShare = 10;  // of the iterations of the other stages
-void planQuantizing(const TrainFlags& options, const GaussianModel* start, TrainSettings& settings) {
-  const bool coarse = options.target_bytes > 0 || options.steps > 0;
-  if (settings.quantize_iterations > 0 && !coarse) {
-    throw Error(ErrorKind::usage,
-                "--quantize-iterations is for a file of coarser numbers (expected --target-size or --steps)");
-  }
-  const auto says = [](std::string_view name) { return name == "quantize-iterations"; };
-  const auto degree = [](std::string_view name) { return name == "sh-degree"; };
-  if (options.steps > 0 && start && !given(options, settings, degree)) settings.sh_degree = start->sh_degree;
-  if (!coarse || settings.compare_untextured || given(options, settings, says)) return;
-  const bool textured = settings.texture_mode != TextureMode::none;
-  const int plain = start && isTextured(*start) ? 0 : settings.iterations;
-  const int others = plain + (textured ? settings.texture_iterations : 0);
-  if (others > 0) settings.quantize_iterations = std::max(others / kQuantizedShare, kLeastQuantizeIterations);
-}
-
 std::unique_ptr<RunFolder> openRunFolder(const TrainFlags& options) {
   if (options.run.folder.empty()) return nullptr;
   RunFolderOptions folder = options.run;
   folder.overwrite = options.overwrite;
   return std::make_unique<RunFolder>(folder);
-}
-
-// After it was not written: what is there is another's. The error that says why is what matters.
-void disown(const RunFolder& run, const fs::path& file) {
-  try {
-    run.setOwn(file, false);
-  } catch (const Error&) {
-  }
 }
 
 Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
@@ -244,42 +120,210 @@ void refuseTogether(const TrainFlags& options) {
   }
 }
 
-}  // namespace
-
-void checkOutputs(const TrainFlags& options, bool resumes) {
-  const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
-  const auto placeOf = [](const fs::path& path) {
-    std::error_code ignored;
-    const fs::path absolute = fs::absolute(path), place = fs::weakly_canonical(absolute, ignored);
-    return place.empty() ? absolute.lexically_normal() : place;
-  };
-  for (std::size_t i = 0; i < paths.size(); ++i) {
-    const std::string& path = paths[i];
-    if (path.empty()) continue;
-    const Format* format = &path == &paths.back() ? nullptr : &modelFormat(path);
-    for (std::size_t j = 0; j < i; ++j) {
-      if (!paths[j].empty() && placeOf(path) == placeOf(paths[j])) {
-        throw Error(ErrorKind::usage, path, "is named for two outputs (expected different files)");
-      }
-    }
-    const fs::path& run = options.run.folder;
-    for (const std::string& input : {options.start_model, options.context}) {  // which --resume would read again
-      if (run.empty() || input.empty() || placeOf(path) != placeOf(input)) continue;
-      throw Error(ErrorKind::usage, path, "is what training starts from (expected another name with a run folder)");
-    }
-    for (const char* own :
-         {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json", "live.tgz", "live.json", "control", "previews"}) {
-      if (run.empty() || placeOf(path) != placeOf(run / own)) continue;
-      throw Error(ErrorKind::usage, path, "is written in any case, by the run folder (expected another name)");
-    }
-    refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
-    if (format) {
-      requireWritable(*format, path);
-    } else {
-      requireWritable(path);
-    }
-  }
+// This process's, of several a share.
+DatasetOptions dataOptions(const TrainFlags& options, Processes* together) {
+  DatasetOptions data = datasetOptions(options.data);
+  if (together) takeShare(*together, options.threads, options.data.image_memory == 0, data);
+  return data;
 }
+
+// Flags that say too little to begin, or name what is no data set.
+void requireDataset(const TrainFlags& options) {
+  const bool no_output = options.output.empty() && options.run.folder.empty();
+  if (options.dataset.empty() || no_output) {
+    const std::string output = "-o model.tgz or --run FOLDER (see --help)";
+    throw Error(ErrorKind::usage, !no_output                ? "expected a data set (see --help)"
+                                  : options.dataset.empty() ? "expected a data set and " + output
+                                                            : options.dataset + ": expected " + output);
+  }
+  if (options.data.layout != "auto" || !isForPhotos(options.dataset)) return;
+  const std::string near = isFile(options.dataset) ? "" : datasetNear(options.dataset);
+  if (!near.empty()) throw Error(ErrorKind::badData, options.dataset, "not a data set" + near);
+  throw Error(ErrorKind::badData, options.dataset,
+              (isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
+                  std::string(": `tgtrain photos ") + shellWord(options.dataset) +
+                  " -o model.tgz` finds the cameras and trains");
+}
+
+// One training, at the first process where there are several.
+class Training {
+ public:
+  // Both outlive this.
+  Training(const TrainFlags& options, Processes* together) : options_(options), together_(together) {}
+
+  // Returns the exit code.
+  int run();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void load();
+  void open();
+  void settle();
+  std::optional<RunState> begin();
+  void stepToEnd(Trainer& trainer, Watchers& watchers);
+  [[noreturn]] void keepWhatIsThere(Trainer& trainer, const Error& why);
+  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+  const TrainFlags& options_;
+  Processes* const together_;
+  const Clock::time_point start_ = Clock::now();
+  std::optional<GaussianModel> start_model_;
+  std::unique_ptr<PageServer> page_;
+  std::unique_ptr<RunFolder> run_;
+  std::string why_cpu_;
+  std::unique_ptr<DifferentiableRenderer> renderer_;
+  Dataset dataset_;
+  std::optional<GaussianModel> context_;
+  TrainSettings settings_;
+  TrainingJsonOptions json_;
+  bool storing_ = false;  // what is drawn is brought to the numbers of the file
+  ProgressLine line_;
+};
+
+// All that is refused before there are photographs, then these.
+void Training::load() {
+  requireDataset(options_);
+  if (together_) refuseTogether(options_);
+  std::optional<Bundle> start = checkTraining(options_, together_ != nullptr);
+  if (!options_.serve.empty()) {
+    page_ = servePage(options_.serve, options_.serve_token, nameOf(options_.title, options_.dataset),
+                      {options_.dataset, options_.run.folder});
+  }
+  run_ = openRunFolder(options_);
+  checkOutputs(options_, run_ && run_->hasCheckpoint());
+  if (!together_) renderer_ = openCuda(options_.device, why_cpu_);
+  dataset_ = loadData(options_, dataOptions(options_, together_));
+  if (!start) return;
+  if (!options_.quiet) {
+    for (const std::string& warning : start->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+  }
+  start_model_ = std::move(start->model);
+}
+
+void Training::open() {
+  if (together_) {
+    beginTogether(*together_, [&] { load(); }, dataset_);
+    renderer_ = makeShardedRenderer(together_->channel(), dataset_);
+  } else {
+    load();
+  }
+  if (!renderer_) renderer_ = makeCpuDifferentiableRenderer();
+  context_ = contextOf(options_, dataset_);
+  if (context_) renderer_ = withContext(std::move(renderer_), *context_);
+  if (!why_cpu_.empty() && !options_.quiet) std::printf("training on the CPU (%s)\n", why_cpu_.c_str());
+  handleStopSignals(requestStop);
+}
+
+void Training::settle() {
+  settings_ = settingsOf(options_);
+  const GaussianModel* start = start_model_ ? &*start_model_ : nullptr;
+  if (start && isTextured(*start)) {  // which is past stage 1
+    warnIdle(options_, "a start model that has textures", [&](const SettingEntry& entry) {
+      return (entry.name == "iterations" && settings_.iterations > 0) || entry.name.starts_with("densif");
+    });
+  }
+  const std::string said = planRecipe(options_, trainingPixels(dataset_), start, !together_, settings_);
+  if (!said.empty() && !options_.quiet) std::printf("%s\n", said.c_str());
+  json_.downscale = options_.data.downscale;
+  json_.threads = threadCount();
+  json_.device = renderer_->deviceName();
+  json_.measurements = !options_.reproducible;
+}
+
+// What a run folder has to go on from, if there is one.
+std::optional<RunState> Training::begin() {
+  if (!run_) return std::nullopt;
+  json_.fingerprint = datasetFingerprint(dataset_);
+  std::optional<RunState> state =
+      run_->begin({dataset_, settings_, start_model_ ? &*start_model_ : nullptr, json_, &stop_requested,
+                   quantizedFor(options_), context_ ? &*context_ : nullptr});
+  const float steps = state ? state->file_steps : 0;
+  if (steps != 0 && !(steps >= kLeastSteps && steps <= kMostSteps)) {
+    throw Error(ErrorKind::badData, run_->checkpoint().string(),
+                "file_steps: expected " + numberText(kLeastSteps) + " to " + numberText(kMostSteps) + ", found " +
+                    numberText(steps));
+  }
+  if (options_.run.resume && !state && !options_.quiet) {
+    std::printf("%s: no checkpoint yet: training starts anew\n", options_.run.folder.c_str());
+  }
+  if (options_.watch) startViewer(run_->folder(), options_.dataset);
+  return state;
+}
+
+// Throws `why`, with where the model is that training has come to.
+void Training::keepWhatIsThere(Trainer& trainer, const Error& why) {
+  std::optional<Bundle> bundle;
+  try {
+    std::optional<TrainResult> kept = storing_ ? trainer.result() : trainer.takePlain();
+    line_.finish();
+    json_.total_seconds = seconds();
+    if (kept) bundle = makeTrainedBundle(dataset_, settings_, kept->report, std::move(kept->model), json_);
+  } catch (const std::exception&) {
+    // The first reason says more.
+  }
+  if (!bundle) throw why;
+  throw keepModel(options_.output, *std::move(bundle), why);
+}
+
+void Training::stepToEnd(Trainer& trainer, Watchers& watchers) {
+  while (!trainer.finished()) {
+    watchers.beforeStep(trainer);
+    if (stop_requested) break;
+    try {
+      if (!trainer.step(&stop_requested)) continue;
+    } catch (const std::exception& error) {
+      // The file cannot be written, which its trial says before the end, or textures have no room.
+      const auto* named = dynamic_cast<const Error*>(&error);
+      const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
+      if (run_ || !(storing_ || named || no_memory)) throw;
+      keepWhatIsThere(trainer, named       ? *named
+                               : no_memory ? Error(ErrorKind::device, "out of memory")
+                                           : Error(ErrorKind::cannotWrite, options_.output, error.what()));
+    }
+    if (!options_.quiet) line_.show(trainer.progress());
+    if (run_) run_->afterStep(trainer);
+    watchers.afterStep(trainer);
+  }
+  line_.finish();
+}
+
+int Training::run() {
+  open();
+  settle();
+  std::optional<RunState> state = begin();
+  Trainer trainer = state ? Trainer(dataset_, settings_, *renderer_, std::move(*state))
+                          : Trainer(dataset_, settings_, *renderer_, std::exchange(start_model_, {}));
+  state.reset();
+  start_model_.reset();
+  trainer.onQuantizing([&](const GaussianModel& model, float& steps) {
+    storing_ = true;
+    if (options_.steps > 0) steps = options_.steps;
+    GaussianModel stored = asStored(options_.output, model, options_.target_bytes, steps);
+    storing_ = false;
+    return stored;
+  });
+  Watchers watchers(dataset_, run_.get(), page_.get(), stop_requested,
+                    MetricsLog(options_.run.metrics_every, options_.run.eval_every));
+  trainer.onScoring([&](std::size_t done, std::size_t views) {
+    if (!options_.quiet) line_.show("scoring test views", done, views);
+    watchers.scoring(trainer, done, views);
+  });
+  stepToEnd(trainer, watchers);
+
+  TrainResult result = trainer.result();
+  json_.total_seconds = seconds();
+  const TrainReport report = result.report;
+  TrainingOutputs outputs(options_, dataset_, settings_, run_.get());
+  outputs.write(trainer, std::move(result), json_);
+  if (!options_.quiet) outputs.say(report);
+  watchers.finish(trainer);
+  // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
+  // An order to stop is as Ctrl-C.
+  return report.interrupted ? 128 + (stop_signal > 0 ? stop_signal.load() : SIGINT) : 0;
+}
+
+}  // namespace
 
 std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
   TrainSettings settings = settingsOf(options);
@@ -300,9 +344,7 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
   }
   std::optional<Bundle> start = startModel(options);
   const GaussianModel* model = start ? &start->model : nullptr;
-  followStart(options, model, settings);
-  if (options.target_bytes > 0) planSize(options, 0, model, !together, settings);
-  planQuantizing(options, model, settings);
+  planRecipe(options, 0, model, !together, settings);
   checkTrainable(settings, model, !together);
   return start;
 }
@@ -342,243 +384,11 @@ int train(const TrainFlags& options, Processes* together) {
     return 0;
   }
   if (options.threads > 0) setThreadCount(options.threads);
-  const auto data_options = [&] {
-    DatasetOptions data = datasetOptions(options.data);
-    if (together) takeShare(*together, options.threads, options.data.image_memory == 0, data);
-    return data;
-  };
-  if (together && !together->isFirst()) return followFirst(*together, options.dataset, data_options);
-
-  const auto seconds = [start = std::chrono::steady_clock::now()] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  };
+  if (together && !together->isFirst()) {
+    return followFirst(*together, options.dataset, [&] { return dataOptions(options, together); });
+  }
   std::signal(SIGPIPE, SIG_IGN);  // as handleStopSignals() has it, for what is said before
-  std::optional<Bundle> start_bundle;
-  std::unique_ptr<PageServer> page;
-  std::unique_ptr<RunFolder> run;
-  std::string why_cpu;
-  std::unique_ptr<DifferentiableRenderer> renderer;
-  Dataset dataset;
-  const auto load = [&] {
-    const bool no_output = options.output.empty() && options.run.folder.empty();
-    if (options.dataset.empty() || no_output) {
-      const std::string output = "-o model.tgz or --run FOLDER (see --help)";
-      throw Error(ErrorKind::usage, !no_output                ? "expected a data set (see --help)"
-                                    : options.dataset.empty() ? "expected a data set and " + output
-                                                              : options.dataset + ": expected " + output);
-    }
-    if (options.data.layout == "auto" && isForPhotos(options.dataset)) {
-      const std::string near = isFile(options.dataset) ? "" : datasetNear(options.dataset);
-      if (!near.empty()) {
-        throw Error(ErrorKind::badData, options.dataset, "not a data set" + near);
-      }
-      throw Error(ErrorKind::badData, options.dataset,
-                  (isFile(options.dataset) ? "is a film" : "not a data set, but photographs without cameras") +
-                      std::string(": `tgtrain photos ") + shellWord(options.dataset) +
-                      " -o model.tgz` finds the cameras and trains");
-    }
-    if (together) refuseTogether(options);
-    start_bundle = checkTraining(options, together != nullptr);
-    if (!options.serve.empty()) {
-      page = servePage(options.serve, options.serve_token, nameOf(options.title, options.dataset),
-                       {options.dataset, options.run.folder});
-    }
-    run = openRunFolder(options);
-    checkOutputs(options, run && run->hasCheckpoint());
-    if (!together) renderer = openCuda(options.device, why_cpu);
-    dataset = loadData(options, data_options());
-  };
-  if (together) {
-    beginTogether(*together, load, dataset);
-    renderer = makeShardedRenderer(together->channel(), dataset);
-  } else {
-    load();
-  }
-  if (!renderer) renderer = makeCpuDifferentiableRenderer();
-  const std::optional<GaussianModel> context = contextOf(options, dataset);
-  if (context) renderer = withContext(std::move(renderer), *context);
-  if (!why_cpu.empty() && !options.quiet) std::printf("training on the CPU (%s)\n", why_cpu.c_str());
-  handleStopSignals(requestStop);
-  TrainingJsonOptions json_options;
-  json_options.downscale = options.data.downscale;
-  json_options.threads = threadCount();
-  json_options.device = renderer->deviceName();
-  json_options.measurements = !options.reproducible;
-  std::optional<GaussianModel> start_model;
-  if (start_bundle) {
-    if (!options.quiet) {
-      for (const std::string& warning : start_bundle->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
-    }
-    start_model = std::move(start_bundle->model);
-    if (isTextured(*start_model)) {  // which is past stage 1
-      warnIdle(options, "a start model that has textures", [&](const SettingEntry& entry) {
-        return (entry.name == "iterations" && settingsOf(options).iterations > 0) || entry.name.starts_with("densif");
-      });
-    }
-    start_bundle.reset();
-  }
-  TrainSettings settings = settingsOf(options);
-  followStart(options, start_model ? &*start_model : nullptr, settings);
-  if (options.target_bytes > 0) {
-    const std::string said =
-        planSize(options, trainingPixels(dataset), start_model ? &*start_model : nullptr, !together, settings);
-    if (!options.quiet) std::printf("%s\n", said.c_str());
-  }
-  planQuantizing(options, start_model ? &*start_model : nullptr, settings);
-  std::optional<RunState> state;
-  if (run) {
-    json_options.fingerprint = datasetFingerprint(dataset);
-    state = run->begin({dataset, settings, start_model ? &*start_model : nullptr, json_options, &stop_requested,
-                        quantizedFor(options), context ? &*context : nullptr});
-    const float steps = state ? state->file_steps : 0;
-    if (steps != 0 && !(steps >= kLeastSteps && steps <= kMostSteps)) {
-      throw Error(ErrorKind::badData, run->checkpoint().string(),
-                  "file_steps: expected " + numberText(kLeastSteps) + " to " + numberText(kMostSteps) + ", found " +
-                      numberText(steps));
-    }
-    if (options.run.resume && !state && !options.quiet) {
-      std::printf("%s: no checkpoint yet: training starts anew\n", options.run.folder.c_str());
-    }
-    if (options.watch) startViewer(run->folder(), options.dataset);
-  }
-
-  Trainer trainer = state ? Trainer(dataset, settings, *renderer, std::move(*state))
-                          : Trainer(dataset, settings, *renderer, std::exchange(start_model, {}));
-  state.reset();
-  start_model.reset();
-  bool storing = false;
-  trainer.onQuantizing([&](const GaussianModel& model, float& steps) {
-    storing = true;
-    if (options.steps > 0) steps = options.steps;
-    GaussianModel stored = asStored(options.output, model, options.target_bytes, steps);
-    storing = false;
-    return stored;
-  });
-  ProgressLine line;
-  Watchers watchers(dataset, run.get(), page.get(), stop_requested,
-                    MetricsLog(options.run.metrics_every, options.run.eval_every));
-  trainer.onScoring([&](std::size_t done, std::size_t views) {
-    if (!options.quiet) line.show("scoring test views", done, views);
-    watchers.scoring(trainer, done, views);
-  });
-  while (!trainer.finished()) {
-    watchers.beforeStep(trainer);
-    if (stop_requested) break;
-    try {
-      if (!trainer.step(&stop_requested)) continue;
-    } catch (const std::exception& error) {
-      // The file cannot be written, which its trial says before the end, or textures have no room.
-      const auto* named = dynamic_cast<const Error*>(&error);
-      const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
-      if (run || !(storing || named || no_memory)) throw;
-      const Error why = named       ? *named
-                        : no_memory ? Error(ErrorKind::device, "out of memory")
-                                    : Error(ErrorKind::cannotWrite, options.output, error.what());
-      std::optional<Bundle> bundle;
-      try {
-        std::optional<TrainResult> kept = storing ? trainer.result() : trainer.takePlain();
-        line.finish();
-        json_options.total_seconds = seconds();
-        if (kept) bundle = makeTrainedBundle(dataset, settings, kept->report, std::move(kept->model), json_options);
-      } catch (const std::exception&) {
-        // The first reason says more.
-      }
-      if (!bundle) throw why;
-      throw keepModel(options.output, *std::move(bundle), why);
-    }
-    if (!options.quiet) line.show(trainer.progress());
-    if (run) run->afterStep(trainer);
-    watchers.afterStep(trainer);
-  }
-  line.finish();
-  TrainResult result = trainer.result();
-  json_options.total_seconds = seconds();
-
-  // Calls write(replace) for an output. What a run wrote when it was stopped, it replaces when it goes on.
-  const auto writeOutput = [&](const std::string& path, const auto& write) {
-    const bool replace = options.overwrite || (run && run->owns(path));
-    std::error_code ignored;
-    if (run && (replace || !fs::exists(path, ignored))) run->setOwn(path, true);
-    try {
-      write(replace);
-    } catch (const Error&) {
-      if (run && !replace) disown(*run, path);
-      throw;
-    }
-  };
-  std::string written;  // what there is to say of the output
-  bool too_large = false;
-  const auto save = [&](const std::string& path, GaussianModel model, const TrainReport& report, SceneSize size = {}) {
-    Bundle bundle = makeTrainedBundle(dataset, settings, report, std::move(model), json_options);
-    const std::string training_json = bundle.training_json;
-    const std::string kept = run && path == options.output ? run->model().string() : "";
-    writeOutput(path, [&](bool replace) {
-      try {
-        const std::string facts = writeScene(path, std::move(bundle), replace, kept, options.quiet, size);
-        if (path == options.output) written = facts;
-      } catch (const Error& error) {
-        // What a training was stopped at may be larger than what would have come of it.
-        if (!report.interrupted || size.bytes == 0 || error.kind != ErrorKind::usage) throw;
-        std::fprintf(stderr, "tgtrain: %s\n", error.what());
-        if (run && !replace) disown(*run, path);
-        too_large = true;
-      }
-    });
-    return training_json;
-  };
-  const SceneSize size{options.target_bytes, options.steps > 0 ? options.steps : trainer.fileSteps()};
-  std::string json;
-  if (run) {
-    json = run->finish(trainer);
-    json_options.total_seconds = run->seconds();
-    if (!options.output.empty() && outputFormat(options.output).name == "tgz") {
-      writeOutput(options.output, [&](bool replace) {
-        writeAfterTraining(
-            options.output, replace, [&] { copyFileAtomically(run->model(), options.output); },
-            [&] { return run->model().string(); });
-      });
-    } else if (!options.output.empty()) {
-      save(options.output, std::move(result.model), result.report, size);
-    }
-  } else {
-    json = save(options.output, std::move(result.model), result.report, size);
-  }
-  if (!options.untextured_output.empty() && result.untextured) {
-    // Of what it went through alone.
-    settings.texture_mode = TextureMode::none;
-    settings.compare_untextured = false;
-    TrainReport report = result.report;
-    report.textured.reset();
-    save(options.untextured_output, std::move(*result.untextured), report);
-  }
-  if (!options.json.empty()) {
-    writeOutput(options.json, [&](bool replace) {
-      const KeepExisting no_other_run(!replace);
-      writeTextAtomically(options.json, json);
-    });
-  }
-  if (!options.quiet) {
-    const std::string name = options.output.empty() ? run->model().string() : options.output;
-    std::fputs(formatSummary(result.report, json_options.total_seconds).c_str(), stdout);
-    if (too_large) {
-      std::printf("interrupted; %s is not written\n", name.c_str());
-    } else {
-      if (written.empty()) written = "(" + std::to_string(fs::file_size(name)) + " bytes)";
-      std::printf("%s%s %s\n", result.report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(),
-                  written.c_str());
-    }
-    if (!options.untextured_output.empty() && result.untextured) {
-      std::printf("wrote %s, without textures\n", options.untextured_output.c_str());
-    }
-    if (run && result.report.interrupted) {
-      std::printf("the same command with --resume goes on from %s\n", run->checkpoint().c_str());
-    }
-    std::fflush(stdout);
-  }
-  watchers.finish(trainer);
-  // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
-  // An order to stop is as Ctrl-C.
-  const int code = result.report.interrupted ? 128 + (stop_signal > 0 ? stop_signal.load() : SIGINT) : 0;
+  const int code = Training(options, together).run();
   if (together) endTogether(*together, code);
   return code;
 }

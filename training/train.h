@@ -11,10 +11,6 @@
 
 namespace tg {
 
-// Before hours of training: what could not be written at their end. resumes: what its run wrote, it may replace. Throws
-// Error(usage / cannotWrite), and what isOutputOf() throws.
-void checkOutputs(const TrainFlags& options, bool resumes);
-
 // Before hours of work, those of COLMAP among them: all that is wrong whatever the photographs are. Returns the start
 // model, if there is one. Throws Error.
 std::optional<Bundle> checkTraining(const TrainFlags& options, bool together = false);

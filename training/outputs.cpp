@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/outputs.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "converter/registry/file_format.h"
+#include "core/file/atomic_files.h"
+#include "core/system/error.h"
+
+namespace tg {
+namespace fs = std::filesystem;
+
+namespace {
+
+// After it was not written: what is there is another's. The error that says why is what matters.
+void disown(const RunFolder& run, const fs::path& file) {
+  try {
+    run.setOwn(file, false);
+  } catch (const Error&) {
+  }
+}
+
+}  // namespace
+
+void checkOutputs(const TrainFlags& options, bool resumes) {
+  const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
+  const auto placeOf = [](const fs::path& path) {
+    std::error_code ignored;
+    const fs::path absolute = fs::absolute(path), place = fs::weakly_canonical(absolute, ignored);
+    return place.empty() ? absolute.lexically_normal() : place;
+  };
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    const std::string& path = paths[i];
+    if (path.empty()) continue;
+    const Format* format = &path == &paths.back() ? nullptr : &modelFormat(path);
+    for (std::size_t j = 0; j < i; ++j) {
+      if (!paths[j].empty() && placeOf(path) == placeOf(paths[j])) {
+        throw Error(ErrorKind::usage, path, "is named for two outputs (expected different files)");
+      }
+    }
+    const fs::path& run = options.run.folder;
+    for (const std::string& input : {options.start_model, options.context}) {  // which --resume would read again
+      if (run.empty() || input.empty() || placeOf(path) != placeOf(input)) continue;
+      throw Error(ErrorKind::usage, path, "is what training starts from (expected another name with a run folder)");
+    }
+    for (const char* own :
+         {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json", "live.tgz", "live.json", "control", "previews"}) {
+      if (run.empty() || placeOf(path) != placeOf(run / own)) continue;
+      throw Error(ErrorKind::usage, path, "is written in any case, by the run folder (expected another name)");
+    }
+    refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
+    if (format) {
+      requireWritable(*format, path);
+    } else {
+      requireWritable(path);
+    }
+  }
+}
+
+TrainingOutputs::TrainingOutputs(const TrainFlags& options, const Dataset& dataset, const TrainSettings& settings,
+                                 RunFolder* run)
+    : options_(options), dataset_(dataset), settings_(settings), run_(run) {}
+
+// Calls write(replace) for an output. What a run wrote when it was stopped, it replaces when it goes on.
+template <typename Write>
+void TrainingOutputs::writeOutput(const std::string& path, const Write& write) {
+  const bool replace = options_.overwrite || (run_ && run_->owns(path));
+  std::error_code ignored;
+  if (run_ && (replace || !fs::exists(path, ignored))) run_->setOwn(path, true);
+  try {
+    write(replace);
+  } catch (const Error&) {
+    if (run_ && !replace) disown(*run_, path);
+    throw;
+  }
+}
+
+// Returns the model's training.json.
+std::string TrainingOutputs::save(const std::string& path, GaussianModel model, const TrainSettings& settings,
+                                  const TrainReport& report, SceneSize size) {
+  Bundle bundle = makeTrainedBundle(dataset_, settings, report, std::move(model), json_);
+  std::string training_json = bundle.training_json;
+  const std::string kept = run_ && path == options_.output ? run_->model().string() : "";
+  writeOutput(path, [&](bool replace) {
+    try {
+      const std::string facts = writeScene(path, std::move(bundle), replace, kept, options_.quiet, size);
+      if (path == options_.output) written_ = facts;
+    } catch (const Error& error) {
+      // What a training was stopped at may be larger than what would have come of it.
+      if (!report.interrupted || size.bytes == 0 || error.kind != ErrorKind::usage) throw;
+      std::fprintf(stderr, "tgtrain: %s\n", error.what());
+      if (run_ && !replace) disown(*run_, path);
+      too_large_ = true;
+    }
+  });
+  return training_json;
+}
+
+void TrainingOutputs::write(const Trainer& trainer, TrainResult result, TrainingJsonOptions json) {
+  json_ = std::move(json);
+  const SceneSize size{options_.target_bytes, options_.steps > 0 ? options_.steps : trainer.fileSteps()};
+  std::string training_json;
+  if (run_) {
+    training_json = run_->finish(trainer);
+    json_.total_seconds = run_->seconds();
+    if (!options_.output.empty() && outputFormat(options_.output).name == "tgz") {
+      writeOutput(options_.output, [&](bool replace) {
+        writeAfterTraining(
+            options_.output, replace, [&] { copyFileAtomically(run_->model(), options_.output); },
+            [&] { return run_->model().string(); });
+      });
+    } else if (!options_.output.empty()) {
+      save(options_.output, std::move(result.model), settings_, result.report, size);
+    }
+  } else {
+    training_json = save(options_.output, std::move(result.model), settings_, result.report, size);
+  }
+  untextured_ = !options_.untextured_output.empty() && result.untextured;
+  if (untextured_) {
+    // Of what it went through alone.
+    TrainSettings settings = settings_;
+    settings.texture_mode = TextureMode::none;
+    settings.compare_untextured = false;
+    TrainReport report = result.report;
+    report.textured.reset();
+    save(options_.untextured_output, std::move(*result.untextured), settings, report, {});
+  }
+  if (!options_.json.empty()) {
+    writeOutput(options_.json, [&](bool replace) {
+      const KeepExisting no_other_run(!replace);
+      writeTextAtomically(options_.json, training_json);
+    });
+  }
+}
+
+void TrainingOutputs::say(const TrainReport& report) const {
+  const std::string name = options_.output.empty() ? run_->model().string() : options_.output;
+  std::fputs(formatSummary(report, json_.total_seconds).c_str(), stdout);
+  if (too_large_) {
+    std::printf("interrupted; %s is not written\n", name.c_str());
+  } else {
+    const std::string facts = written_.empty() ? "(" + std::to_string(fs::file_size(name)) + " bytes)" : written_;
+    std::printf("%s%s %s\n", report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(), facts.c_str());
+  }
+  if (untextured_) std::printf("wrote %s, without textures\n", options_.untextured_output.c_str());
+  if (run_ && report.interrupted) {
+    std::printf("the same command with --resume goes on from %s\n", run_->checkpoint().c_str());
+  }
+  std::fflush(stdout);
+}
+
+}  // namespace tg

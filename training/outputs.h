@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// The files that a training leaves: the model, the one without textures, the report; and what is said of them.
+#pragma once
+#include <string>
+
+#include "training/run/run_folder.h"
+#include "training/run/trained_bundle.h"
+#include "training/run/trainer.h"
+#include "training/train_flags.h"
+#include "training/write_scene.h"
+
+namespace tg {
+
+// Before hours of training: what could not be written at their end. resumes: what its run wrote, it may replace. Throws
+// Error(usage / cannotWrite), and what isOutputOf() throws.
+void checkOutputs(const TrainFlags& options, bool resumes);
+
+// Writes what came of a training once. All outlive this; `run` is null for one without a folder.
+class TrainingOutputs {
+ public:
+  TrainingOutputs(const TrainFlags& options, const Dataset& dataset, const TrainSettings& settings, RunFolder* run);
+
+  // `result` is the trainer's; of `json` the seconds are those so far. Throws what writeScene() throws.
+  void write(const Trainer& trainer, TrainResult result, TrainingJsonOptions json);
+  // On stdout: scores, what was written and how to go on. `report` is of what was written.
+  void say(const TrainReport& report) const;
+
+ private:
+  template <typename Write>
+  void writeOutput(const std::string& path, const Write& write);
+  std::string save(const std::string& path, GaussianModel model, const TrainSettings& settings,
+                   const TrainReport& report, SceneSize size);
+
+  const TrainFlags& options_;
+  const Dataset& dataset_;
+  const TrainSettings& settings_;
+  RunFolder* const run_;
+  TrainingJsonOptions json_;
+  std::string written_;      // what there is to say of the output
+  bool too_large_ = false;   // which is not written, then
+  bool untextured_ = false;  // written
+};
+
+}  // namespace tg
