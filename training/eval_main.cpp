@@ -59,6 +59,9 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup&
   if (!options.quiet) tg::warnOfOtherViews(group.models.front(), scene, dataset);
   const std::vector<fs::path> pictures = pictureFiles(options.images, dataset, options.overwrite);
   const std::vector<fs::path> comparisons = pictureFiles(options.side_by_side, dataset, options.overwrite);
+  for (std::size_t i = 0; i < comparisons.size(); ++i) {
+    if (!comparisons[i].empty()) tg::requireSideBySide(dataset.views[i].size, comparisons[i].string());
+  }
   tg::EvalReport::Views views;
   views.dataset = dataset.name;
   views.split = options.split;

@@ -9,6 +9,7 @@
 
 #include "core/image/color_map.h"
 #include "core/system/assert.h"
+#include "core/system/error.h"
 #include "core/system/numbers.h"
 
 namespace tg {
@@ -186,6 +187,15 @@ Image flipPicture(const Image& flip_map) {
     for (std::size_t c = 0; c < 3; ++c) picture.data[3 * i + c] = color[static_cast<glm::length_t>(c)];
   }
   return picture;
+}
+
+void requireSideBySide(glm::ivec2 view, const std::string& path) {
+  const std::int64_t pixels = (std::int64_t{3} * view.x + 2 * kGap) * view.y;
+  if (pixels <= kMaxImagePixels) return;
+  throw Error(ErrorKind::cannotWrite, path,
+              "three pictures of " + std::to_string(view.x) + " x " + std::to_string(view.y) +
+                  " beside each other have too many pixels" +
+                  atMost(static_cast<std::uint64_t>(kMaxImagePixels), static_cast<std::uint64_t>(pixels)));
 }
 
 Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image& flip_map) {

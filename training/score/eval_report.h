@@ -45,5 +45,7 @@ std::string formatEvalJson(const EvalReport& report);
 Image flipPicture(const Image& flip_map);
 // Photograph | rendering | error: flipPicture(), masked pixels grey.
 Image sideBySide(const ViewPixels& photograph, const Image& picture, const Image& flip_map);
+// Throws Error(cannotWrite), naming `path`, where such pictures of views of that size have more pixels than any file.
+void requireSideBySide(glm::ivec2 view, const std::string& path);
 
 }  // namespace tg

@@ -123,3 +123,11 @@ TEST_CASE("photograph, rendering and error stand side by side", "[evaluate]") {
   CHECK(image.at(20 + 5, 4, 2) == 191 / 255.0f);  // the largest: magma's end
   CHECK(image.at(20, 0, 0) == 0.5f);   // masked: grey
 }
+
+TEST_CASE("views of which three beside each other are more pixels than a file holds are told before they are drawn",
+          "[evaluate]") {
+  CHECK_NOTHROW(tg::requireSideBySide({11000, 8000}, "a.png"));
+  CHECK_THROWS_WITH(tg::requireSideBySide({12000, 8000}, "a.png"),
+                    "a.png: three pictures of 12000 x 8000 beside each other have too many pixels (expected at most "
+                    "268435456, found 288064000)");
+}
