@@ -221,6 +221,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   }
 
   Bundle source = readModel(input, {.base_only = options.base_only, .spz_axes = options.spz_axes});
+  if (options.cameras && !options.dry_run) requireStorable(format, output, source.cameras);
   if (wasInterrupted(source.training_json)) source.warnings.emplace_back(kInterruptedTraining);
   const bool small = isMeasuredUnasked(source.model);
   const bool measured =

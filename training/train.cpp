@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "converter/gltf/write_gltf.h"
+#include "converter/registry/file_format.h"
 #include "core/file/file.h"
 #include "core/file/sha256.h"
 #include "core/model/fallback.h"
@@ -101,6 +102,15 @@ Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
     std::fflush(stdout);
   }
   return dataset;
+}
+
+// Throws where an output cannot hold so many cameras.
+void requireStorable(const TrainFlags& options, const std::vector<Camera>& views) {
+  const fs::path& run = options.run.folder;
+  for (const fs::path& path :
+       {run.empty() ? run : run / "model.tgz", fs::path(options.output), fs::path(options.untextured_output)}) {
+    if (!path.empty()) requireStorable(modelFormat(path), path, views);
+  }
 }
 
 // What of the flags decides how stage quantized goes.
@@ -194,6 +204,7 @@ void Training::load() {
   checkOutputs(options_, run_ && run_->hasCheckpoint());
   if (!together_) renderer_ = openCuda(options_.device, why_cpu_);
   dataset_ = loadData(options_, dataOptions(options_, together_));
+  requireStorable(options_, dataset_.views);
   if (!start) return;
   if (!options_.quiet) {
     for (const std::string& warning : start->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
@@ -369,6 +380,7 @@ std::string trainingMadeOf(const TrainFlags& options) {
 
 void checkData(const TrainFlags& options) {
   const Dataset dataset = loadDataset(options.dataset, datasetOptions(options.data));
+  requireStorable(options, dataset.views);
   (void)contextOf(options, dataset);
 }
 

@@ -286,9 +286,10 @@ class Writer {
       requireWritable(path_);
       const std::vector<fs::path> before = filesBefore(path_);
       NewFolder folder(parent);
+      const std::string cameras = source_.cameras.empty() ? "" : storedCameras(source_.cameras, path_.string());
       makeLevels(counts);
       writeFiles(folder.path());
-      if (!source_.cameras.empty()) add(folder.path() / kCamerasName, formatCameras(source_.cameras));
+      if (!cameras.empty()) add(folder.path() / kCamerasName, cameras);
       const std::string name = folder.settle();
       const std::string meta = dumpJson(metaOf(counts, name));
       // What is there goes for what can be read.

@@ -23,6 +23,7 @@
 #include "converter/lod/lod_scene.h"
 #include "converter/lod/write_lod.h"
 #include "converter/sog/sog.h"
+#include "core/bundle/camera_file.h"
 #include "core/bundle/ply.h"
 #include "core/bundle/read_progress.h"
 #include "core/bundle/splat_rows.h"
@@ -264,7 +265,8 @@ constexpr Format kFormats[] = {
      .sniff = [](const FileStart& start) { return isGzip(start) && !isSpz(start); },
      .read = [](const Path& path, const ReadOptions& options) { return readBundle(path, {}, options.progress); },
      .write = [](const Path& path, const Bundle& source, const WriteOptions&, Written&) { writeBundle(path, source); },
-     .is_common = true},
+     .is_common = true,
+     .has_cameras_file = true},
     {.name = "ply",
      .spoken = "ply",
      .title = "PLY",
@@ -317,6 +319,7 @@ constexpr Format kFormats[] = {
      .overlooked = findBrokenLevels,
      .beside = bytesOfLevels,
      .has_base = true,
+     .has_cameras_file = true,
      .whole_name = true},
     {.name = "glb",
      .spoken = "glb",
@@ -493,6 +496,10 @@ void requireWritable(const Format& format, const Path& path) {
   const bool makes_folder =
       format.whole_name && path.has_parent_path() && !std::filesystem::exists(path.parent_path(), ignored);
   tg::requireWritable(makes_folder ? path.parent_path() : path);
+}
+
+void requireStorable(const Format& format, const Path& path, const std::vector<Camera>& cameras) {
+  if (format.has_cameras_file) (void)storedCameras(cameras, path.string());
 }
 
 std::string lostTextures(const Format& format) {

@@ -78,6 +78,7 @@ struct Format {
   bool has_steps = false;   // WriteOptions::steps make it smaller and coarser
   bool streams = false;     // written from Gaussians that are not in memory as a whole
   bool is_common = false;   // other files begin like it, too: any archive, any JSON
+  bool has_cameras_file = false;  // a cameras.json, which holds some 50,000
   bool whole_name = false;  // `name` is how a file's name ends, without a dot before it; its folder holds the rest
 
   bool holds(Keeps what) const { return (keeps & what) != 0; }
@@ -113,6 +114,9 @@ std::uint64_t storedBytes(const Format& format, const std::filesystem::path& pat
 
 // Throws Error(cannotWrite) where `path` cannot be written. A format that has a folder of its own makes it.
 void requireWritable(const Format& format, const std::filesystem::path& path);
+
+// Throws Error(cannotWrite) where a file of that format cannot hold these: what the writers would say in the end.
+void requireStorable(const Format& format, const std::filesystem::path& path, const std::vector<Camera>& cameras);
 
 // The warning where a format holds no textures, and what is written loses those that it had.
 std::string lostTextures(const Format& format);

@@ -108,6 +108,22 @@ std::string formatCameras(const std::vector<Camera>& cameras) {
   return text + "]\n";
 }
 
+std::string storedCameras(const std::vector<Camera>& cameras, const std::string& path) {
+  std::string text = formatCameras(cameras);
+  if (text.size() > kMaxCamerasBytes) {
+    throw Error(
+        ErrorKind::cannotWrite, path,
+        std::to_string(cameras.size()) + " cameras make a cameras.json that is too large" +
+            expectedFound("at most " + std::to_string(kMaxCamerasBytes) + " bytes", std::to_string(text.size())));
+  }
+  try {
+    parseCameras(text, "cameras.json");
+  } catch (const Error& error) {
+    throw Error(ErrorKind::cannotWrite, path, error.what());
+  }
+  return text;
+}
+
 std::vector<Camera> readCameras(const std::filesystem::path& path) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxCamerasBytes);
   return parseCameras(std::string(bytes.begin(), bytes.end()), path.string());

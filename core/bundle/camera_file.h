@@ -18,6 +18,9 @@ inline constexpr std::uint64_t kMaxCamerasBytes = 32 << 20;  // about 50,000 cam
 // position does not); cx, cy default to the image centre. Throws Error(badData) with index and key.
 std::vector<Camera> parseCameras(const std::string& json, const std::string& path);
 std::string formatCameras(const std::vector<Camera>& cameras);
+// The same for a file of a model at `path`, which names it in errors. Throws Error(cannotWrite) for what no reader
+// would take, by its size or by what it says.
+std::string storedCameras(const std::vector<Camera>& cameras, const std::string& path);
 std::vector<Camera> readCameras(const std::filesystem::path& path);
 
 }  // namespace tg

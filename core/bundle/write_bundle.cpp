@@ -113,7 +113,7 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
   const std::string header = splatHeader(bundle.model.size(), bundle.model.sh_degree);
   entries.push_back({kGaussiansName, toBytes(header), &bundle.model});
   addAtlas(bundle.model, path, manifest, entries);
-  if (!bundle.cameras.empty()) entries.push_back({kCamerasName, toBytes(formatCameras(bundle.cameras)), nullptr});
+  if (!bundle.cameras.empty()) entries.push_back({kCamerasName, toBytes(storedCameras(bundle.cameras, path)), nullptr});
   if (!bundle.training_json.empty()) entries.push_back({kTrainingName, toBytes(bundle.training_json), nullptr});
   if (bundle.preview.width > 0) entries.push_back({kPreviewName, encodePng(bundle.preview), nullptr});
 
@@ -121,21 +121,12 @@ std::vector<Entry> encodeEntries(const Bundle& bundle, const std::string& path) 
   std::uint64_t total = 0;
   for (const Entry& entry : entries) {
     const std::uint64_t bytes = sizeOf(entry);
-    const std::uint64_t most = entry.name == kCamerasName ? kMaxCamerasBytes : limits.entry_bytes;
+    const std::uint64_t most = limits.entry_bytes;
     total += bytes;
     if (bytes <= most && total <= limits.total_bytes) continue;
     throw Error(ErrorKind::cannotWrite, path,
                 entry.name + " is too large for a bundle" +
                     (bytes > most ? atMost(most, bytes) : atMost(limits.total_bytes, total)));
-  }
-  // What this program would refuse to read it does not write.
-  const auto cameras = std::ranges::find(entries, kCamerasName, &Entry::name);
-  if (cameras != entries.end()) {
-    try {
-      parseCameras(std::string(cameras->bytes.begin(), cameras->bytes.end()), kCamerasName);
-    } catch (const Error& error) {
-      throw Error(ErrorKind::cannotWrite, path, error.what());
-    }
   }
   manifest.files.resize(entries.size() - 1);
   parallelFor(static_cast<std::int64_t>(manifest.files.size()), 1, [&](std::int64_t i) {

@@ -145,6 +145,21 @@ TEST_CASE("every format that is written is read again with what its row says tha
   }
 }
 
+TEST_CASE("cameras that a file of the format cannot hold are told before anything is made of them") {
+  std::vector<Camera> cameras(40);
+  for (Camera& camera : cameras) {
+    camera = lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48);
+    camera.name.assign(1 << 20, 'n');
+  }
+  for (const std::string path : {"a.tgz", "lod-meta.json"}) {
+    CHECK_THROWS_WITH(requireStorable(modelFormat(path), path, cameras),
+                      Contains(path + ": 40 cameras make a cameras.json that is too large (expected at most 33554432"));
+  }
+  CHECK_NOTHROW(requireStorable(modelFormat("a.glb"), "a.glb", cameras));
+  cameras.resize(2);
+  CHECK_NOTHROW(requireStorable(modelFormat("a.tgz"), "a.tgz", cameras));
+}
+
 TEST_CASE("textures of which nothing is left in the steps of a file are missed with a warning") {
   const Scratch scratch;
   Bundle source;
