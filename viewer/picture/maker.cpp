@@ -81,9 +81,16 @@ void PictureMaker::tidy() {
   if (loaded_.empty()) std::erase_if(images_, [](const auto& image) { return image.use_count() == 1; });
 }
 
+// Of tens of megapixels it takes as much as a model.
+void PictureMaker::forgetPhotograph() {
+  photograph_path_.clear();
+  photograph_.reset();
+}
+
 bool PictureMaker::begin(const PictureRequest& request) {
   TG_ASSERT(request.model != nullptr, "a picture is of a model");
   tidy();  // models that are no longer open make room first
+  if (!request.other || request.other->photograph != photograph_path_) forgetPhotograph();
   Begun begun{{}, nullptr, nullptr, Clock::now()};
   begun.picture.request = request;
   const bool beside = !request.other && backend_ != "cpu" && !mapsOnHost(request.output, request.settings);
@@ -204,8 +211,7 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
   if (other.model) {
     (void)drawModel(loaded(other.model), request, *image, &pair.other);
   } else {
-    if (photograph_path_ != other.photograph) {
-      photograph_path_.clear();
+    if (!photograph_) {
       try {
         photograph_ = std::make_shared<const Image>(readImage(other.photograph));
       } catch (const Error& error) {

@@ -39,6 +39,7 @@ class PictureMaker {
     std::shared_ptr<PictureImage> target;  // likewise
     Clock::time_point start;
   };
+  void forgetPhotograph();
   void draw(Picture& picture);
   void describe(Picture& picture, const Loaded& model) const;
   Loaded& loaded(const std::shared_ptr<const GaussianModel>& model);
@@ -54,7 +55,7 @@ class PictureMaker {
 
   PictureDevice& device_;
   const std::string backend_;
-  std::filesystem::path photograph_path_;  // of the photograph read last
+  std::filesystem::path photograph_path_;  // of the photograph that the last picture was beside
   std::shared_ptr<const Image> photograph_;
   std::list<Loaded> loaded_;                           // the last one used first
   std::vector<std::shared_ptr<PictureImage>> images_;  // those that nobody else holds are free

@@ -10,6 +10,7 @@
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/scenes.h"
+#include "support/temporary_folder.h"
 
 using namespace tg;
 
@@ -162,6 +163,29 @@ TEST_CASE("the thread ends while it draws, and what waits is dropped") {
     if (round % 2 == 0) bench.awaitUploads(1);
     bench.ask(33);
   }
+}
+
+TEST_CASE("a photograph is read once while it is shown, and held no longer") {
+  const TemporaryFolder folder;
+  writeImage(folder / "a.png", Image(8, 6, 3));
+  Bench bench("cpu");
+  PictureRequest request;
+  request.model = bench.model;
+  request.other = OtherPicture{};
+  request.other->photograph = folder / "a.png";
+  std::weak_ptr<const Image> photograph;
+  for (int width = 32; width < 34; ++width) {
+    request.camera = request.other->taken = test::trainedLikeCamera(width, 24);
+    bench.thread.ask(request);
+    const PictureThread::News news = bench.until(width);
+    REQUIRE(news.picture->photograph);
+    CHECK((width == 32 || photograph.lock() == news.picture->photograph));
+    photograph = news.picture->photograph;
+  }
+  CHECK_FALSE(photograph.expired());
+  bench.ask(34);
+  bench.until(34);
+  CHECK(photograph.expired());
 }
 
 TEST_CASE("a model that nobody holds is let go of with the next picture, or when told to, what was asked for stays") {
