@@ -3,6 +3,7 @@
 #include "viewer/model/open_models.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "core/file/identity.h"
@@ -70,7 +71,8 @@ bool hasCamerasDue(const ViewerState& state) {
 }
 
 OpenModels::View OpenModels::viewOf(const ViewerState& state) {
-  return {state.camera.pose, state.camera.lens, state.camera.index, state.camera.visited};
+  const CameraState& camera = state.camera;
+  return {camera.pose, reshaped(camera.lens, camera.aspect, camera.lens.kept), camera.index, camera.visited};
 }
 
 void OpenModels::setView(ViewerState& state, const View& view) {
@@ -79,14 +81,19 @@ void OpenModels::setView(ViewerState& state, const View& view) {
   // The file may have been read again, with fewer cameras.
   state.camera.index = view.camera < static_cast<int>(cameras.size()) ? view.camera : -1;
   state.camera.visited = view.visited;
-  // A model's camera is wholly in view, also where the window has got another shape since.
-  state.camera.lens =
-      state.camera.index < 0 ? view.lens : lensOf(cameras[static_cast<std::size_t>(view.camera)], state.camera.aspect);
+  // What was in view is, also where the window has got another shape since.
+  const double aspect = state.camera.aspect;
+  state.camera.lens = state.camera.index < 0 ? reshaped(view.lens, view.lens.kept, aspect)
+                                             : lensOf(cameras[static_cast<std::size_t>(view.camera)], aspect);
 }
 
-// A window that gets another shape changes the lens of a model's camera.
+// A window that gets another shape changes the lens of a model's camera, and rounds that of a free view.
 bool OpenModels::View::operator==(const View& other) const {
-  return pose == other.pose && camera == other.camera && (camera >= 0 || lens == other.lens);
+  if (pose != other.pose || camera != other.camera) return false;
+  constexpr double kRounding = 1e-9;
+  Lens rounded = lens;
+  if (std::abs(lens.fov_y - other.lens.fov_y) < kRounding) rounded.fov_y = other.lens.fov_y;
+  return camera >= 0 || rounded == other.lens;
 }
 
 OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,

@@ -365,6 +365,7 @@ void stepCamera(ViewerState& state, int step) {
 }
 
 void frameScene(ViewerState& state) {
+  state.camera.lens.kept = state.camera.lens.pixel_aspect;  // what a sphere is framed in
   frame(state.camera.pose, state.camera.lens, state.camera.aspect, state.scene.bounds,
         double{state.display.settings.near});
   leaveCamera(state.camera);

@@ -14,6 +14,7 @@ namespace {
 constexpr double kMaxPitch = 1.55;     // [rad] 88.8 degrees: closer to the pole, yaw spins the picture in place
 constexpr double kMinDistance = 1e-4;  // [world units]
 constexpr double kMaxDistance = 1e9;
+constexpr double kWidestPicture = 3.1415;  // [rad] of a lens in a strip of a picture
 constexpr std::size_t kBoundsSample = 200'000;
 constexpr double kInner = 0.8;        // a share of the Gaussians: with bounds that leave the others out,
 constexpr double kBeyondInner = 1.1;  // [reach of the inner] they are that wide
@@ -155,7 +156,17 @@ Lens lensOf(const Camera& camera, double aspect) {
   lens.fov_y = std::clamp(2.0 * std::atan(camera.size.y / (2.0 * scale * camera.focal.y)), kMinFov, kMaxFov);
   lens.pixel_aspect = std::clamp(camera.focal.x / camera.focal.y, 1 / kMaxPixelAspect, kMaxPixelAspect);
   lens.shift = glm::clamp((camera.center - 0.5 * glm::dvec2(camera.size)) / camera.focal, -kMaxShift, kMaxShift);
+  lens.kept = static_cast<double>(camera.size.x) / camera.size.y;
   return lens;
+}
+
+Lens reshaped(const Lens& lens, double from, double to) {
+  TG_ASSERT(from > 0 && to > 0, "a picture has pixels");
+  const double change = std::min(from / lens.kept, 1.0) / std::min(to / lens.kept, 1.0);
+  Lens result = lens;
+  // Not within the limits of a lens: the next shape, after a strip of a few pixels, brings back the view of before.
+  if (change != 1.0) result.fov_y = std::min(2.0 * std::atan(std::tan(0.5 * lens.fov_y) * change), kWidestPicture);
+  return result;
 }
 
 Camera cameraAt(glm::dvec3 position, const glm::dmat3& rotation, const Lens& lens, double scale, int width,

@@ -32,6 +32,7 @@ struct Lens {
   double fov_y = 0.9;       // [rad] over the whole image height
   double pixel_aspect = 1;  // fx / fy
   glm::dvec2 shift{0.0};    // (cx - width / 2) / fx, (cy - height / 2) / fy
+  double kept = 1;  // width / height of the image in the middle that stays whole where the picture's shape changes
   bool operator==(const Lens&) const = default;
 };
 
@@ -65,6 +66,9 @@ ViewPose levelPose(glm::dvec3 up, glm::dvec3 position, glm::dvec3 target);
 ViewPose poseOf(const Camera& camera, glm::dvec3 up, const SceneBounds& bounds);
 // The lens of a model's camera for another aspect ratio: all the camera saw stays in the image.
 Lens lensOf(const Camera& camera, double aspect);
+// The lens of a picture of aspect ratio `from` for one of `to`: what is kept is as large as fits, as in
+// web/src/camera.js.
+Lens reshaped(const Lens& lens, double from, double to);
 
 // `rotation`: camera from world. `scale`: what part of the image's height the lens fills.
 Camera cameraAt(glm::dvec3 position, const glm::dmat3& rotation, const Lens& lens, double scale, int width, int height);

@@ -185,12 +185,17 @@ PathKey at(const CameraPath& path, double seconds) {
 }
 
 PathKey keyOf(const Camera& camera, double time) {
+  return keyOf(camera, time, static_cast<double>(camera.size.x) / camera.size.y);
+}
+
+PathKey keyOf(const Camera& camera, double time, double aspect) {
   TG_ASSERT(camera.size.x > 0 && camera.size.y > 0, "a picture has pixels");
   PathKey key;
   key.time = time;
   key.position = camera.position();
   key.world_from_camera = glm::normalize(glm::quat_cast(glm::transpose(camera.rotation)));
-  key.lens = lensOf(camera, static_cast<double>(camera.size.x) / camera.size.y);
+  key.lens = lensOf(camera, aspect);
+  key.lens.kept = Lens().kept;  // the path's aspect says it
   return key;
 }
 
@@ -241,9 +246,7 @@ CameraPath pathOf(std::span<const Camera> cameras, double seconds, const std::st
   CameraPath result;
   result.aspect = static_cast<double>(cameras.front().size.x) / cameras.front().size.y;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    PathKey key = keyOf(cameras[i], seconds * static_cast<double>(i));
-    key.lens = lensOf(cameras[i], result.aspect);
-    result.keys.push_back(key);
+    result.keys.push_back(keyOf(cameras[i], seconds * static_cast<double>(i), result.aspect));
   }
   return result;
 }

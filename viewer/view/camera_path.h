@@ -23,7 +23,7 @@ struct PathKey {
   double time = 0;                           // [s]; keys are in order of it, kLeastKeySeconds or more apart
   glm::dvec3 position{0.0};                  // world units
   glm::dquat world_from_camera{1, 0, 0, 0};  // unit
-  Lens lens;                                 // for an image of the path's aspect
+  Lens lens;                                 // for an image of the path's aspect, which is what it keeps
   bool operator==(const PathKey&) const = default;
 };
 
@@ -41,7 +41,8 @@ double duration(const CameraPath& path);  // [s] first key to last, closing incl
 // non-uniform Catmull-Rom spline, limited so that a key that repeats its neighbour stands still. Needs a key or more.
 PathKey at(const CameraPath& path, double seconds);
 
-PathKey keyOf(const Camera& camera, double time);
+PathKey keyOf(const Camera& camera, double time);                 // for a path of its aspect
+PathKey keyOf(const Camera& camera, double time, double aspect);  // for one of another
 // Of a key at an image size: the path's whole image is in view, undistorted.
 Camera toCamera(const PathKey& key, double aspect, int width, int height);
 

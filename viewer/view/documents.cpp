@@ -53,7 +53,7 @@ void leaveDocument(ViewerState& state) {
   Document& document = state.documents.open[static_cast<std::size_t>(std::exchange(state.documents.shown, -1))];
   document.scene = state.scene;
   document.pose = state.camera.pose;
-  document.lens = state.camera.lens;
+  document.lens = reshaped(state.camera.lens, state.camera.aspect, state.camera.lens.kept);
   document.camera = state.camera.index;
   document.visited = state.camera.visited;
   document.crop = state.display.crop;

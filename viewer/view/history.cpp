@@ -39,6 +39,7 @@ void eachMember(State& s, const Act& act, Part& part, More&... more) {
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::View>) {
     act(s.camera.pose, part.pose, more.pose...);
     act(s.camera.lens, part.lens, more.lens...);
+    act(s.camera.aspect, part.aspect, more.aspect...);
     act(s.camera.index, part.index, more.index...);
     act(s.camera.visited, part.visited, more.visited...);
   } else if constexpr (std::is_same_v<Kind, ViewSnapshot::Motion>) {
@@ -140,11 +141,13 @@ ViewSnapshot snapshot(const ViewerState& s, const std::optional<ViewSnapshot>& l
 void restore(ViewerState& s, const ViewSnapshot& from, const ViewSnapshot& to) {
   putBack(s, from.display, to.display);
   putBack(s, from.motion, to.motion);
+  const double aspect = s.camera.aspect;  // the window may have had another shape
   if (putBackWhole(s, from.view, to.view)) {
     s.path.playing = false;
+    s.camera.lens = reshaped(s.camera.lens, s.camera.aspect, aspect);
+    s.camera.aspect = aspect;
     // Numbers of another list mean other cameras now.
     if (to.view.camera_lists != s.scene.camera_lists) s.camera.index = s.camera.visited = -1;
-    // The window may have had another shape.
     if (s.camera.index >= 0) {
       s.camera.lens = lensOf(s.scene.cameras[static_cast<std::size_t>(s.camera.index)], s.camera.aspect);
     }
@@ -279,8 +282,14 @@ void recordChanges(ViewerState& state, bool busy, bool flowing) {
   history.last = now;
 }
 
-void forgetLens(ViewerState& state) {
-  if (state.history.last) state.history.last->view.lens = state.camera.lens;
+void reshape(ViewerState& state, double aspect) {
+  CameraState& camera = state.camera;
+  camera.lens = camera.index >= 0 ? lensOf(state.scene.cameras[static_cast<std::size_t>(camera.index)], aspect)
+                                  : reshaped(camera.lens, camera.aspect, aspect);
+  camera.aspect = aspect;
+  if (!state.history.last) return;
+  state.history.last->view.lens = camera.lens;
+  state.history.last->view.aspect = aspect;
 }
 
 void forgetModel(ViewerState& state) {

@@ -30,6 +30,7 @@ struct ViewSnapshot {
   struct View {
     ViewPose pose;
     Lens lens;
+    double aspect = 16.0 / 9.0;  // of the picture that the lens is for
     int index = -1, visited = -1;
     int camera_lists = 0;  // Scene::camera_lists: of which list they are
     // The place alone: the same one from another list is no step.
@@ -102,8 +103,8 @@ struct ViewerState;
 // Once a frame. `busy`: a button or widget is held, or the camera moves by itself: the change is not over. `flowing`:
 // it came from the wheel or from held keys.
 void recordChanges(ViewerState& state, bool busy, bool flowing);
-// The window changed the lens with its shape: no step.
-void forgetLens(ViewerState& state);
+// The picture got another shape, and the lens follows it: no step.
+void reshape(ViewerState& state, double aspect);
 // The model was replaced by another one: steps that choose or edit Gaussians are gone.
 void forgetModel(ViewerState& state);
 // Changes the model shown, with the selection that it then has; one step.

@@ -18,10 +18,8 @@ constexpr int kKeyRows = 720;  // [px] of the cameras that stand for keys: any, 
 
 PathKey currentKey(const ViewerState& state) {
   const Camera camera = currentCamera(state, kKeyRows);
-  PathKey key = keyOf(camera, 0);
   // The path's first key sets its aspect; later ones are seen as the window at that shape would show them.
-  if (!state.path.path.keys.empty()) key.lens = lensOf(camera, state.path.path.aspect);
-  return key;
+  return state.path.path.keys.empty() ? keyOf(camera, 0) : keyOf(camera, 0, state.path.path.aspect);
 }
 
 void show(ViewerState& state, const PathKey& key) {

@@ -385,15 +385,12 @@ bool Viewer::handleMoves() {
   return state_.edit.moving && state_.time - handle_moved_ < kHandleRest;
 }
 
-// A model's camera stays wholly in view when the window changes its shape.
+// What is in view stays there when the window changes its shape.
 void Viewer::followAspect() {
   const glm::ivec2 size = pictureSize();
   const double aspect = static_cast<double>(size.x) / size.y;
   if (aspect == state_.camera.aspect) return;
-  state_.camera.aspect = aspect;
-  if (state_.camera.index < 0) return;
-  state_.camera.lens = lensOf(state_.scene.cameras[state_.camera.index], aspect);
-  forgetLens(state_);
+  reshape(state_, aspect);
 }
 
 std::vector<std::pair<int, bool>> Viewer::handleEvents() {

@@ -400,6 +400,26 @@ TEST_CASE("a model's camera is wholly in view also where the window has got anot
   CHECK(state.camera.lens.fov_y > wide.fov_y);
 }
 
+TEST_CASE("a free view of a model is as large where the window has got another shape meanwhile") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {"x.png"});
+  writeModel(folder / "b.tgz", 4, {"other.png"});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  leaveCamera(state.camera);
+  dolly(state.camera.pose, 0.5);
+  const Lens wide = state.camera.lens;
+  const double aspect = state.camera.aspect;
+  window.open(folder / "b.tgz");
+  reshape(state, 0.5);
+  press(state, kKeyPageUp);
+  window.settle();
+  REQUIRE(state.camera.index < 0);
+  CHECK(state.camera.lens == reshaped(wide, aspect, 0.5));
+  CHECK(state.camera.lens.fov_y > wide.fov_y);
+}
+
 TEST_CASE("each model keeps its own crop box, on or off") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {"x.png"});
@@ -533,7 +553,8 @@ TEST_CASE("a part lacks the background of its model, which comes with the rest u
 TEST_CASE("whoever has looked about in a part of a model goes on from there when all of it has come") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {"x.png"});
-  const int change = GENERATE(0, 1, 2, 3);
+  const int change = GENERATE(0, 1, 2, 3, 4);
+  const bool moved = change > 0 && change < 4;
   CAPTURE(change);
   SlowReader slow;
   Window window(optionsFor(folder / "a.tgz"), slow.reader());
@@ -542,12 +563,13 @@ TEST_CASE("whoever has looked about in a part of a model goes on from there when
   if (change == 1) look(state.camera.pose, 0, 0.2);
   if (change == 2) state.camera.pose.roll = 0.1;
   if (change == 3) state.camera.lens.fov_y *= 0.5;
+  if (change == 4) reshape(state, 0.37);  // the window alone
   const CameraState seen = state.camera;
   slow.finish();
   window.settle();
   REQUIRE(state.scene.gaussians == 3);
-  CHECK(state.camera.index == (change == 0 ? 0 : -1));
-  CHECK((state.camera.pose == seen.pose && state.camera.lens == seen.lens) == (change != 0));
+  CHECK(state.camera.index == (moved ? -1 : 0));
+  CHECK((state.camera.pose == seen.pose && state.camera.lens == seen.lens) == moved);
 }
 
 TEST_CASE("a comparison ends with the model that it was with") {

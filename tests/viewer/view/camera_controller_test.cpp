@@ -204,6 +204,36 @@ TEST_CASE("another image size shows the whole old image, undistorted") {
   }
 }
 
+TEST_CASE("a lens for another shape of the picture keeps what was framed as large as fits") {
+  const Lens lens{.fov_y = 0.7, .pixel_aspect = 1.3, .shift = {0.1, -0.2}};
+  for (const glm::ivec2 from : {glm::ivec2(800, 600), glm::ivec2(500, 1000), glm::ivec2(400, 400)}) {
+    for (const glm::ivec2 to : {glm::ivec2(1000, 400), glm::ivec2(300, 700), glm::ivec2(640, 640)}) {
+      const auto aspect = [](glm::ivec2 size) { return static_cast<double>(size.x) / size.y; };
+      const Lens other = reshaped(lens, aspect(from), aspect(to));
+      const Camera before = toCamera({}, lens, from.x, from.y), after = toCamera({}, other, to.x, to.y);
+      const double scale = static_cast<double>(std::min(to.x, to.y)) / std::min(from.x, from.y);
+      CHECK(after.focal.x == Approx(scale * before.focal.x));
+      CHECK(after.focal.y == Approx(scale * before.focal.y));
+      CHECK(other.shift == lens.shift);
+      CHECK(reshaped(other, aspect(to), aspect(from)).fov_y == Approx(lens.fov_y));
+    }
+  }
+  CHECK(reshaped(lens, 1.5, 2.5) == lens);
+  // Also after a window of a few pixels.
+  CHECK(reshaped(reshaped({.fov_y = 2.0}, 1, 0.001), 0.001, 1).fov_y == Approx(2.0));
+}
+
+TEST_CASE("a camera's image stays whole in pictures of other shapes, also after it was left") {
+  test::Random random(5);
+  const Camera camera = randomCamera(random);
+  for (const glm::ivec2 size : {glm::ivec2(900, 300), glm::ivec2(300, 900), glm::ivec2(640, 480)}) {
+    const Lens moved = reshaped(lensOf(camera, 640.0 / 480.0), 640.0 / 480.0, static_cast<double>(size.x) / size.y);
+    const Camera expected = fitted(camera, size.x, size.y), found = toCamera({}, moved, size.x, size.y);
+    CHECK(glm::length(found.focal - expected.focal) < 1e-9);
+    CHECK(glm::length(found.center - expected.center) < 1e-9);
+  }
+}
+
 TEST_CASE("up is the mean of the cameras' up, and -y when that says nothing") {
   std::vector<Camera> cameras;
   CHECK(sceneUp(cameras) == glm::dvec3(0, -1, 0));

@@ -413,12 +413,46 @@ TEST_CASE("undo and redo while the camera moves by itself are of what was done, 
   CHECK(state.scene.gaussians == 266);
 }
 
+TEST_CASE("what was framed stays as large in a window that is turned, and so does a view that an undo brings back") {
+  ViewerState state = sampleState();
+  state.scene.cameras.clear();
+  const auto focal = [&](glm::ivec2 size) {
+    return toCamera(state.camera.pose, state.camera.lens, size.x, size.y).focal.y;
+  };
+  const glm::ivec2 upright(390, 844), turned(844, 390);
+  for (const bool first_upright : {true, false}) {
+    const glm::ivec2 first = first_upright ? upright : turned, then = first_upright ? turned : upright;
+    state.camera.aspect = static_cast<double>(first.x) / first.y;
+    resetView(state);
+    frame(state);
+    const ViewPose pose = state.camera.pose;
+    const double before = focal(first);
+    reshape(state, static_cast<double>(then.x) / then.y);
+    frame(state);
+    CHECK(state.camera.pose == pose);
+    CHECK(focal(then) == Approx(before));
+    // An undo of what was done in the other shape.
+    reshape(state, static_cast<double>(first.x) / first.y);
+    frame(state);
+    dolly(state.camera.pose, 0.5);
+    frame(state);
+    reshape(state, static_cast<double>(then.x) / then.y);
+    frame(state);
+    undo(state);
+    frame(state);
+    CHECK(state.camera.pose == pose);
+    CHECK(focal(then) == Approx(before));
+    CHECK(state.camera.aspect == static_cast<double>(then.x) / then.y);
+  }
+}
+
 TEST_CASE("the window's shape and another model are no steps, and the history is bounded") {
   ViewerState state = sampleState();
   REQUIRE(state.camera.index == 0);
-  state.camera.lens.fov_y *= 1.1;
-  forgetLens(state);
+  const Lens lens = state.camera.lens;
+  reshape(state, 0.5);
   frame(state);
+  CHECK(state.camera.lens.fov_y > lens.fov_y);
   CHECK(undoName(state).empty());
   press(state, kControl | 'A');
   frame(state);
