@@ -23,7 +23,7 @@ constexpr ImGuiWindowFlags kPassive = (kOverlay & ~ImGuiWindowFlags_AlwaysAutoRe
 // The middle of what the panel leaves of the picture.
 ImVec2 pictureCenter(const ViewerState& state) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  const float left = besidePanel(state);
+  const float left = panelWidth(state, size.x);
   return {left + (size.x - left) / 2, size.y / 2};
 }
 
@@ -85,13 +85,15 @@ void help(ViewerState& state) {
     }
   }
   ImGui::SetNextWindowSizeConstraints({0, 0}, window);
-  const bool beside = besidePanel(state) + size.x <= window.x;
+  const bool beside = panelWidth(state, window.x) + size.x <= window.x;
   const ImVec2 center = beside ? pictureCenter(state) : ImVec2(window.x / 2, window.y / 2);
   ImGui::SetNextWindowPos(center, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowBgAlpha(0.94f);
   ImGui::Begin("help", nullptr, kOverlay);
   ImGui::SetWindowFontScale(scale);
   ImGui::TextDisabled("KEYS AND MOUSE");
+  ImGui::SameLine();
+  if (ImGui::SmallButton("Close")) state.ui.help = false;  // in a small window it covers what opened it
   // Each column is read downwards.
   ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {kHelpPadding.x * scale, kHelpPadding.y * scale});
   if (ImGui::BeginTable("keys", static_cast<int>(2 * columns), ImGuiTableFlags_SizingFixedFit)) {
@@ -174,7 +176,8 @@ void progress(const ViewerState& state) {
 
 // Where a model would be: the ways to open one.
 void welcome(ViewerState& state) {
-  const float font = ImGui::GetFontSize(), room = ImGui::GetIO().DisplaySize.x - besidePanel(state);
+  const float font = ImGui::GetFontSize(), window = ImGui::GetIO().DisplaySize.x,
+              room = window - panelWidth(state, window);
   const float width = std::min(30 * font, room - 2 * font);
   constexpr std::size_t kMostRecent = 10;
   ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
@@ -219,9 +222,8 @@ void comparison(const ViewerState& state) {
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
   // In the middle of what is seen between two shares of the picture's width.
   const auto label = [&](float from, float to, const std::string& whole) {
-    const float begin = std::max(left + from * width, besidePanel(state)), room = left + to * width - begin;
+    const float room = (to - from) * width, x = left + (from + to) / 2 * width;
     if (room <= 3 * font) return;
-    const float x = begin + room / 2;
     const std::string text = cutMiddle(whole, room - 2 * font);
     const ImVec2 extent = ImGui::CalcTextSize(text.c_str());
     const ImVec2 corner(x - extent.x / 2, font * 0.6f);
@@ -259,7 +261,7 @@ void noComparison(const ViewerState& state) {
   if (!empty || !state.scene.model) return;
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float left = panelWidth(state, size.x), font = ImGui::GetFontSize();
-  const float begin = std::max(left + (size.x - left) / 2, besidePanel(state)), room = size.x - begin - 2 * font;
+  const float begin = left + (size.x - left) / 2, room = size.x - begin - 2 * font;
   if (room <= 3 * font) return;
   const char* text = compare.problem.c_str();
   const ImVec2 extent = ImGui::CalcTextSize(text, nullptr, false, room);
@@ -282,7 +284,7 @@ void legend(const ViewerState& state) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float font = ImGui::GetFontSize(), pad = font * 0.5f;
   const float width = std::max(11 * font, ImGui::CalcTextSize(legend->title.c_str()).x);
-  const ImVec2 corner(besidePanel(state) + font, size.y - 4.8f * font);
+  const ImVec2 corner(panelWidth(state, size.x) + font, size.y - 4.8f * font);
   if (corner.x + width + 2 * pad > size.x) return;
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
   draw->AddRectFilled(corner, {corner.x + width + 2 * pad, size.y - font}, IM_COL32(27, 30, 35, 215), font * 0.3f);

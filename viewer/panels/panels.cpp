@@ -14,8 +14,8 @@
 namespace tg {
 namespace {
 
-constexpr float kPictureFonts = 25;  // [font heights] where the panel leaves less it lies over the picture
-constexpr float kOverlayFonts = 12;  // [font heights] where the panel leaves less, words lie over it, too
+constexpr float kPictureFonts = 12;  // [font heights] where the panel leaves less it lies over the picture
+constexpr float kDragFonts = 25;     // [font heights] that its edge, dragged, leaves of the picture
 constexpr float kPageFonts = 16;     // [font heights] where the lines above a page leave less they scroll with it
 constexpr float kEdgeFonts = 0.5f;   // [font heights] of the panel's edge, which the pointer takes
 
@@ -46,7 +46,7 @@ void edge(ViewerState& state) {
   if (reached) ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
   if (held && ImGui::IsMouseDragging(0, 0)) {
     const double wanted = (ImGui::GetIO().MousePos.x + width / 2) / font;
-    const double room = std::max<double>(ImGui::GetIO().DisplaySize.x / font - kPictureFonts, kLeastPanel);
+    const double room = std::max<double>(ImGui::GetIO().DisplaySize.x / font - kDragFonts, kLeastPanel);
     state.ui.panel_width = std::clamp(wanted, kLeastPanel, std::min(kMostPanel, room));
   }
   if (reached && ImGui::IsMouseDoubleClicked(0)) state.ui.panel_width = kUsualPanel;
@@ -145,15 +145,8 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
 }  // namespace
 
 float panelWidth(const ViewerState& state, float window_width) {
-  // Of two pictures beside each other one would be hidden.
-  const float least = state.compare.how.mode == CompareMode::side ? kOverlayFonts : kPictureFonts;
   const float width = fullWidth(state);
-  return state.ui.panel && window_width - width >= least * ImGui::GetFontSize() ? width : 0.0f;
-}
-
-float besidePanel(const ViewerState& state) {
-  const float window = ImGui::GetIO().DisplaySize.x, covered = state.ui.panel ? fullWidth(state) : 0.0f;
-  return window - covered >= kOverlayFonts * ImGui::GetFontSize() ? covered : 0.0f;
+  return state.ui.panel && window_width - width >= kPictureFonts * ImGui::GetFontSize() ? width : 0.0f;
 }
 
 bool popupIsOpen() { return ImGui::IsPopupOpen(nullptr, ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel); }

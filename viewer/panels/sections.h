@@ -57,8 +57,6 @@ bool closeInnermostList();  // false: none is open
 void dialogs(ViewerState& state, bool escape);
 // scene_overlay.cpp
 void sceneOverlay(const ViewerState& state);
-// panels.cpp: where what lies over the picture begins, right of the panel [ImGui units]; 0 where that leaves no room
-float besidePanel(const ViewerState& state);
 // overlays.cpp
 void overlays(ViewerState& state);
 
