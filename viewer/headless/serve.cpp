@@ -2,6 +2,8 @@
 // --serve: a page instead of a window.
 #include <atomic>
 #include <chrono>
+#include <cstdio>
+#include <exception>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -9,8 +11,10 @@
 
 #include "converter/registry/file_format.h"
 #include "converter/serve/page_server.h"
+#include "core/file/identity.h"
 #include "core/system/signals.h"
 #include "viewer/headless/headless.h"
+#include "viewer/model/file_watch.h"
 #include "viewer/model/follower.h"
 #include "viewer/model/run_watch.h"
 #include "viewer/model/scene_of.h"
@@ -73,8 +77,20 @@ void serveModel(const ViewOptions& options) {
   const std::unique_ptr<PageServer> page = servePage(options.serve, options.serve_token, title, {options.model});
   handleStopSignals(requestStop);
   if (options.follow) return serveRun(options, *page);
+  std::optional<FileIdentity> read = identityOf(options.model);
   page->show(std::make_shared<const Bundle>(readModel(options.model)));
-  while (!stop_requested) std::this_thread::sleep_for(kPause);
+  FileWatch watch([] {});
+  while (!stop_requested) {
+    if (read) watch.watch({{options.model, *read}});
+    std::this_thread::sleep_for(kPause);
+    if (!watch.take()) continue;
+    read = identityOf(options.model);
+    try {
+      page->show(std::make_shared<const Bundle>(readModel(options.model)));
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "tgview: %s\n", error.what());  // the one that was read stays
+    }
+  }
 }
 
 }  // namespace tg

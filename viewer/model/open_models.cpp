@@ -103,6 +103,7 @@ OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
       wake_(wake),
       wrap_(std::move(wrap)),
       loader_(wake, std::move(model_reader)) {
+  if (options.script.empty()) watch_ = std::make_unique<FileWatch>(wake);
   if (options.follow) {
     if (options.model.filename() == "model.tgz") {
       run_ = std::make_unique<RunWatch>(options.model.parent_path(), wake);
@@ -169,6 +170,7 @@ bool OpenModels::update(ViewerState& state) {
   }
   changed |= takeFollowed(state);
   changed |= takeRun(state);
+  changed |= takeRewritten(state);
   if (const auto document = std::exchange(documents.show_request, std::nullopt)) {
     if (*document >= 0 && *document < static_cast<int>(documents.open.size())) {
       show(state, *document);
@@ -407,6 +409,25 @@ bool OpenModels::takeRun(ViewerState& state) {
   return true;
 }
 
+// Files that are other ones than what was read of them; the panels say so.
+bool OpenModels::takeRewritten(ViewerState& state) {
+  if (!watch_) return false;
+  std::vector<Document>& open = state.documents.open;
+  FileWatch::Files files;
+  for (std::size_t i = 0; i < open.size(); ++i) {
+    if (const auto& file = sceneAt(state, static_cast<int>(i)).file) files.emplace(open[i].path, *file);
+  }
+  watch_->watch(files);
+  bool changed = false;
+  while (const std::optional<std::filesystem::path> path = watch_->take()) {
+    const int document = documentOf(state, *path);
+    if (document < 0 || !hasChanged(state, document)) continue;  // saved by this window, say
+    open[static_cast<std::size_t>(document)].rewritten = true;
+    changed = true;
+  }
+  return changed;
+}
+
 bool OpenModels::isFollowed(const ViewerState& state, int document) const {
   return follower_ && sameFile(state.documents.open[static_cast<std::size_t>(document)].path, follower_->file());
 }
@@ -463,6 +484,7 @@ void OpenModels::sharedView(ViewerState& state) const {
 
 void OpenModels::replace(ViewerState& state, int document, Scene scene) {
   TG_ASSERT(document >= 0 && static_cast<std::size_t>(document) < state.documents.open.size(), "the document is open");
+  state.documents.open[document].rewritten = false;
   if (document == state.documents.shown) return replaceScene(state, std::move(scene));
   Document& hidden = state.documents.open[document];
   if (scene.cameras != hidden.scene.cameras) hidden.visited = -1;

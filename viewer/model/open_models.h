@@ -8,6 +8,7 @@
 #include <set>
 #include <vector>
 
+#include "viewer/model/file_watch.h"
 #include "viewer/model/follower.h"
 #include "viewer/model/loader.h"
 #include "viewer/model/run_watch.h"
@@ -66,6 +67,7 @@ class OpenModels {
   bool takeLoaded(ViewerState& state);
   bool takeFollowed(ViewerState& state);
   bool takeRun(ViewerState& state);
+  bool takeRewritten(ViewerState& state);
   bool isFollowed(const ViewerState& state, int document) const;
   void unfollow(ViewerState& state);
   void adopt(ViewerState& state, Scene scene);
@@ -92,6 +94,7 @@ class OpenModels {
   std::vector<Stream> streams_;
   std::unique_ptr<ModelFollower> follower_;
   std::unique_ptr<RunWatch> run_;
+  std::unique_ptr<FileWatch> watch_;  // without a script
   ModelLoader loader_;
 };
 

@@ -120,6 +120,22 @@ void errorPanel(ViewerState& state) {
   ImGui::End();
 }
 
+// Until the file is read again, or the one that was read is preferred.
+void rewritten(ViewerState& state, Document& document) {
+  const float font = ImGui::GetFontSize();
+  ImGui::SetNextWindowPos({pictureCenter(state).x, 2.5f * font}, ImGuiCond_Always, {0.5f, 0.0f});
+  ImGui::SetNextWindowBgAlpha(0.9f);
+  ImGui::Begin("rewritten", nullptr, kOverlay);
+  const float room = 2 * (ImGui::GetIO().DisplaySize.x - pictureCenter(state).x - 2 * font);
+  ImGui::TextUnformatted(
+      cutMiddle(printable(document.path.filename().string()) + " has been written again", std::max(room, font))
+          .c_str());
+  if (ImGui::Button("Read it again")) readAgain(state);
+  ImGui::SameLine();
+  if (ImGui::Button("Keep this one")) document.rewritten = false;
+  ImGui::End();
+}
+
 // In the middle while --follow has no model yet.
 void waiting(const ViewerState& state) {
   ImGui::SetNextWindowPos(pictureCenter(state), ImGuiCond_Always, {0.5f, 0.5f});
@@ -332,6 +348,10 @@ void overlays(ViewerState& state) {
   if (state.ui.panel && state.scene.model) legend(state);
   if (!state.scene.model && !state.loading.active && !state.follow.active) welcome(state);
   if (state.loading.active) progress(state);
+  if (state.documents.shown >= 0 && !state.loading.active) {
+    Document& document = state.documents.open[static_cast<std::size_t>(state.documents.shown)];
+    if (document.rewritten) rewritten(state, document);
+  }
   if (state.record.wanted) recording(state);
   if (!state.messages.error.empty()) errorPanel(state);
   if (state.time < state.messages.notice_until) notice(state);

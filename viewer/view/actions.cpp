@@ -196,6 +196,7 @@ using S = ViewerState;
 
 constexpr std::array kBindings = {
     KeyBinding{kControl | 'O', false, "Ctrl+O", "Open a file", ask<FileUse::open>, {}, Menu::file, true},
+    KeyBinding{kControl | 'R', false, "Ctrl+R", "Read the file again", readAgain, {}, Menu::file},
     KeyBinding{kControl | 'S', false, "Ctrl+S", "Save the model as", ask<FileUse::saveModel>, {}, Menu::file},
     KeyBinding{'P', false, "P", "Save the picture as PNG", savePicture, {}, Menu::file, true},
     KeyBinding{kControl | 'P', false, "Ctrl+P", "Save the picture as", ask<FileUse::savePicture>, {}, Menu::file},
@@ -318,7 +319,7 @@ bool canRun(const ViewerState& state, const KeyBinding& binding) {
   if (is(undo)) return !undoName(state).empty();
   if (is(redo)) return !redoName(state).empty();
   if (is(toDocument<1>, toDocument<-1>)) return state.documents.open.size() > 1;
-  if (is(closeDocument)) return !state.documents.open.empty();
+  if (is(closeDocument, readAgain)) return !state.documents.open.empty();
   if (is(ask<FileUse::open>, askToQuit, saveWindow, togglePanel, toggleFullscreen, toggleHelp, escape)) return true;
   if (!state.scene.model) return false;
   const bool edits = is(chooseAll, chooseNone, invertChoice, deleteChosen, tool<EditTool::rectangle>,

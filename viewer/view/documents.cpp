@@ -86,6 +86,11 @@ int otherDocument(const ViewerState& state) {
   return count > 1 ? (state.documents.shown + 1) % count : -1;
 }
 
+void readAgain(ViewerState& state) {
+  if (state.documents.shown < 0) return;
+  state.documents.open_requests.push_back(state.documents.open[static_cast<std::size_t>(state.documents.shown)].path);
+}
+
 void stepDocument(ViewerState& state, int step) {
   const int count = static_cast<int>(state.documents.open.size());
   if (count < 2) return notify(state, "No other model is open");

@@ -15,9 +15,11 @@
 
 namespace tg {
 
-// A model that is open. While it is shown its scene is ViewerState::scene, and nothing here counts but the path.
+// A model that is open. While it is shown its scene is ViewerState::scene, and nothing here counts but the path
+// and whether it was written again.
 struct Document {
   std::filesystem::path path;
+  bool rewritten = false;  // its file is another one than what was read, and nobody has put up with that
   Scene scene;
   ViewPose pose;  // as it was left
   Lens lens;
@@ -77,5 +79,6 @@ bool sameCameras(const Scene& a, const Scene& b);
 // What ViewerState::compare names, else the next one after the one shown; -1: there is no other.
 int otherDocument(const ViewerState& state);
 void stepDocument(ViewerState& state, int step);  // asks for the next one, round about
+void readAgain(ViewerState& state);               // asks for the file of the one shown, where it has changed
 
 }  // namespace tg

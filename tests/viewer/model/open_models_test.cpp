@@ -171,6 +171,37 @@ TEST_CASE("a file that is open already, by whatever name, is brought to front an
   }
 }
 
+TEST_CASE("a file that is written again is said to be, and read again where one wants it") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 9, {});
+  writeModel(folder / "b.tgz", 7, {});
+  Window window(optionsFor(folder / "a.tgz"));
+  window.settle();
+  ViewerState& state = window.state;
+  window.open(folder / "b.tgz");
+  const auto isRewritten = [&](std::size_t i) { return state.documents.open[i].rewritten; };
+  writeModel(folder / "a.tgz", 5, {});
+  window.followUntil([&] { return isRewritten(0); });
+  CHECK_FALSE(isRewritten(1));
+  CHECK(state.scene.gaussians == 7);
+  press(state, kKeyPageUp);
+  window.settle();
+  CHECK(state.scene.gaussians == 9);
+  press(state, kControl | 'R');
+  window.settle();
+  CHECK(state.scene.gaussians == 5);
+  CHECK_FALSE(isRewritten(0));
+  // Once for each time: who keeps what is shown is not asked again.
+  writeModel(folder / "a.tgz", 6, {});
+  window.followUntil([&] { return isRewritten(0); });
+  state.documents.open[0].rewritten = false;
+  press(state, kKeyPageDown);
+  window.settle();
+  std::this_thread::sleep_for(std::chrono::milliseconds(600));  // two looks at the files
+  window.open_models.update(state);
+  CHECK_FALSE(isRewritten(0));
+}
+
 TEST_CASE("edits that are made while the file is read again are asked for, and those given up are not") {
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 9, {});

@@ -412,6 +412,32 @@ TEST_CASE("words over the picture leave the panel's buttons free in a narrow win
   }
 }
 
+TEST_CASE("buttons over the picture close the help, and have a file read again or the one shown kept") {
+  ViewerState state = fullState();
+  const Interface interface;
+  // Over the whole window, until `done`.
+  const auto pressUntil = [&](const char* name, const auto& done) {
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow* window = ImGui::FindWindowByName(name);
+    REQUIRE(window);
+    const ImVec2 corner = window->Pos, size = window->Size;
+    for (float y = 4; y < size.y; y += 6) {
+      for (float x = 4; x < size.x && !done(); x += 12) {
+        const ImVec2 at(corner.x + x, corner.y + y);
+        for (const bool pressed : {false, true, false}) (void)interface.hovered(state, at, pressed);
+      }
+    }
+    CHECK(done());
+  };
+  state.ui.help = true;
+  pressUntil("help", [&] { return !state.ui.help; });
+  state.documents.open[0].rewritten = true;
+  pressUntil("rewritten", [&] { return !state.documents.open_requests.empty(); });
+  CHECK(state.documents.open_requests.front() == "tiny.tgz");
+  CHECK(state.documents.open[0].rewritten);  // until it is there
+  pressUntil("rewritten", [&] { return !state.documents.open[0].rewritten; });
+}
+
 TEST_CASE("the panel covers nothing of a picture that finds room beside it") {
   ViewerState state = fullState();
   const Interface interface;
