@@ -29,6 +29,9 @@ constexpr int kMaxChannels = 32;
 constexpr std::int64_t kMaxPixelRatio =
     4096;  // pixels to file: ZIP reaches 1032, PIZ and B44 less, flat DWA pictures more
 
+// Of channels "alpha": whether colours are multiplied by it.
+constexpr const char* kAssociated = "tg:associated";
+
 class MemoryInput : public Imf::IStream {
  public:
   explicit MemoryInput(std::span<const std::uint8_t> bytes) : IStream("memory"), bytes_(bytes) {}
@@ -183,7 +186,8 @@ class HeaderReader {
     }
   }
 
-  // The other attributes are the library's business, except where it allocates before it compares with the size.
+  // The other attributes are the library's business, except where it allocates before it compares with the size, and
+  // our own.
   void checkAttribute(const std::string& name, const std::string& type) {
     if (type == "preview") {
       const std::uint64_t size = left_.size();
@@ -198,6 +202,8 @@ class HeaderReader {
       }
     } else if (type == "idmanifest" || type == "deepImageState") {
       fail("attribute " + name + " belongs to deep EXR files");
+    } else if (name == kAssociated && type == "int" && integer() != 0) {
+      fail("attribute " + name + ": not supported (expected 0: alpha is not multiplied into the colours)");
     }
   }
 
@@ -321,7 +327,7 @@ std::vector<std::uint8_t> encodeExr(const Image& image, std::span<const std::str
     for (std::size_t c = 0; c < channel_names.size(); ++c) {
       header.channels().insert(channel_names[c], Imf::Channel(Imf::HALF));
       // A channel called A would be taken for premultiplied; "alpha" is not, and says so.
-      if (channel_names[c] == "alpha") header.insert("tg:associated", Imf::IntAttribute(0));
+      if (channel_names[c] == "alpha") header.insert(kAssociated, Imf::IntAttribute(0));
       frame.insert(channel_names[c], Imf::Slice(Imf::HALF, reinterpret_cast<char*>(halves.data() + c), x_stride,
                                                 x_stride * static_cast<std::size_t>(image.width)));
     }

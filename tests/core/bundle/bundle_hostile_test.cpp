@@ -4,6 +4,7 @@
 #include <cstring>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "core/bundle/bundle.h"
@@ -412,6 +413,70 @@ TEST_CASE("a manifest that asks for what this program cannot show is refused by 
   REQUIRE_NOTHROW(readWithManifest([](nlohmann::json& m) { m["formatVersion"] = "1.7", m["news"] = true; }));
 }
 
+TEST_CASE("the page of the format says of every key of a file whether a reader needs it") {
+  // The rows of docs/bundle.md from heading `from` to heading `to`: keys in backticks, then "yes" or "no".
+  const auto rowsOf = [](const std::string& from, const std::string& to) {
+    std::ifstream page("docs/bundle.md");
+    std::map<std::string, bool> required;
+    std::string line;
+    while (std::getline(page, line) && line != from) continue;
+    while (std::getline(page, line) && line != to) {
+      if (!line.starts_with("| `")) continue;
+      const std::string keys = line.substr(0, line.find(" | "));
+      const bool needed = line.substr(keys.size() + 3).starts_with("yes");
+      for (std::size_t at = 0; (at = keys.find('`', at)) != std::string::npos;) {
+        const std::size_t end = keys.find('`', at + 1);
+        required[keys.substr(at + 1, end - at - 1)] = needed;
+        at = end + 1;
+      }
+    }
+    return required;
+  };
+  using Json = nlohmann::json;
+  // Drops each key of an object in turn, reads, and ticks its row off. `prefix`: what the page writes before the key.
+  const auto check = [](std::map<std::string, bool>& rows, Json& object, const std::string& prefix,
+                        const std::function<void()>& read) {
+    const Json whole = object;
+    for (const auto& item : whole.items()) {
+      if (item.key() == "counts" || item.key() == "atlas" || item.key() == "files") continue;
+      INFO(prefix << item.key());
+      const auto row = rows.find(prefix + item.key());
+      REQUIRE(row != rows.end());
+      object.erase(item.key());
+      if (row->second) {
+        CHECK_THROWS_AS(read(), tg::Error);
+      } else {
+        CHECK_NOTHROW(read());
+      }
+      rows.erase(row);
+      object = whole;
+    }
+  };
+  {
+    Archive archive;
+    Json json = archive.manifest();
+    std::map<std::string, bool> rows = rowsOf("## manifest.json", "## gaussians.ply");
+    const auto read = [&] {
+      archive.setManifest(json);
+      archive.read();
+    };
+    check(rows, json, "", read);
+    check(rows, json["counts"], "counts.", read);
+    check(rows, json["atlas"], "atlas.", read);
+    check(rows, json["files"][0], "files[].", read);
+    CHECK(rows.empty());
+  }
+  Archive archive;
+  Json cameras = Json::parse(archive.at("cameras.json").bytes);
+  std::map<std::string, bool> rows = rowsOf("## cameras.json", "## Bytes");
+  check(rows, cameras[0], "", [&] {
+    archive.at("cameras.json").bytes = toBytes(cameras.dump());
+    archive.relist();
+    archive.read();
+  });
+  CHECK(rows.empty());
+}
+
 TEST_CASE("counts that disagree are refused") {
   for (const char* key : {"gaussians", "atlasPages", "cameras"}) {
     for (const nlohmann::json& value : {nlohmann::json(0), nlohmann::json(5), nlohmann::json(-1), nlohmann::json(1.5),
@@ -529,6 +594,13 @@ TEST_CASE("atlas pages with another size, other channels or impossible values ar
   REQUIRE_THROWS_WITH(withPage(tg::Image(width, height, 4, 1.5f), ours),
                       Contains("Gaussian 0: texel 0 has an alpha outside"));
   REQUIRE_THROWS_WITH(withPage(tg::Image(width, height, 4, NAN), ours), Contains("Gaussian 0: texel 0 is not finite"));
+  Bytes& page = archive.at("atlas_000.exr").bytes;
+  const std::string attribute("tg:associated\0int\0\4\0\0\0", 22);
+  const auto value = std::ranges::search(page, attribute).end();
+  REQUIRE(value != page.end());
+  *value = 1;
+  archive.relist();
+  REQUIRE_THROWS_WITH(archive.read(), Contains("atlas_000.exr: attribute tg:associated: not supported (expected 0"));
 }
 
 TEST_CASE("a preview that is large, has no colour or is no PNG is refused") {
