@@ -72,12 +72,16 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   return code;
 }
 
+// Of training's flags those that photos refuses: it writes its own data set. Help does not show them.
+constexpr const char* kOfDataSets[] = {"--layout", "--image-folder"};
+
 std::shared_ptr<CLI::App> photosApp(tg::TrainFlags& options, tg::PhotosFlags& flags) {
   auto app = std::make_shared<CLI::App>(
       "Finds the cameras of photographs or of a film by COLMAP, trains a model and opens it.", "photos");
   tg::addTrainingOptions(*app, options);
   app->get_option("dataset")->description("Folder of photographs (JPEG, PNG, WebP, HEIC), or a film");
   tg::addRunOptions(*app, options);
+  for (const char* flag : kOfDataSets) app->get_option(flag)->group("");
   tg::addPhotosFlags(*app, flags);
   tg::addExamples(*app, {{"tgtrain photos jpegs -o model.tgz", "a folder of photographs"},
                          {"tgtrain photos walk.mp4 -o model.tgz", "a film"},
@@ -100,7 +104,7 @@ int runCommand(int argc, char** argv, std::unique_ptr<tg::Processes>& together) 
     if (photos->count("--frames") > 0 && fs::is_directory(photos_options.dataset, ignored)) {
       throw tg::Error(tg::ErrorKind::usage, "--frames expects a film (" + photos_options.dataset + " is a folder)");
     }
-    for (const char* flag : {"--layout", "--image-folder"}) {
+    for (const char* flag : kOfDataSets) {
       if (photos->count(flag) == 0) continue;
       throw tg::Error(tg::ErrorKind::usage, std::string(flag) + " is of a data set, and photos makes its own");
     }

@@ -8,6 +8,8 @@
 #include <csignal>
 #include <cstring>
 #include <fstream>
+#include <set>
+#include <sstream>
 #include <thread>
 #include <tuple>
 #include <vector>
@@ -379,6 +381,28 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
        "./photos: not a data set, but photographs without cameras: `tgtrain photos ./photos -o model.tgz`");
   says(run(trial, "'" TG_TGTRAIN "' broken.mp4 -o x.tgz"), 3, "broken.mp4: is a film: `tgtrain photos broken.mp4");
   says(run(trial, "'" TG_TGTRAIN "' -q photos photos -o x.tgz"), 1, "expected before every flag");
+}
+
+TEST_CASE("the help of photos has every flag of training but those that it refuses", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const auto flags_of = [&](const std::string& command) {
+    std::istringstream help(run(folder, "'" TG_TGTRAIN "' " + command).output);
+    std::set<std::string> flags;
+    for (std::string line; std::getline(help, line);) {
+      const std::size_t at = line.find("--");
+      if (at <= 6 && line.starts_with("  ")) flags.insert(line.substr(at, line.find_first_of(" ,=[", at) - at));
+    }
+    return flags;
+  };
+  std::set<std::string> missing = flags_of("--help");
+  CHECK(missing.size() > 80);
+  for (const std::string& flag : flags_of("photos --help")) missing.erase(flag);
+  for (const char* flag : {"--completion", "--man"}) missing.erase(flag);  // of the program
+  CHECK(missing == std::set<std::string>{"--image-folder", "--layout"});
+  for (const std::string& flag : missing) {
+    const Outcome refused = run(folder, "'" TG_TGTRAIN "' photos absent -o x.tgz " + flag + " auto");
+    CHECK(refused.output == "tgtrain: " + flag + " is of a data set, and photos makes its own\n");
+  }
 }
 
 TEST_CASE("what training would refuse is refused before cameras are looked for", "[photos]") {
