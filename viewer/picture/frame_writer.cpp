@@ -181,7 +181,7 @@ std::string findProgram(const std::string& name) {
   return "";
 }
 
-RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::string& what) {
+RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::string& what, bool has_numbers) {
   const std::string extension = lowerExtension(path);
   if (contains(kVideoExtensions, extension) && path.has_stem()) return {path, true};
   std::error_code ignored;
@@ -192,10 +192,13 @@ RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::str
   const std::size_t first = name.find('#'), last = name.find_last_of('#');
   const bool one_run = first != std::string::npos && last - first < 10 &&
                        name.substr(first, last - first + 1).find_first_not_of('#') == std::string::npos;
-  if (one_run && last < name.size() - extension.size() && contains(kPictureExtensions, extension)) return {path, false};
+  const bool picture = contains(kPictureExtensions, extension) && (has_numbers || extension != ".exr");
+  if (one_run && last < name.size() - extension.size() && picture) return {path, false};
   throw Error(ErrorKind::usage,
-              what + ": expected a video (.mp4, .mov, .mkv, .webm), pictures with # for the frame's " +
-                  "number (frames/####.png, .jpg, .exr) or a folder (frames/), found \"" + path.string() + "\"");
+              what + ": expected a video (.mp4, .mov, .mkv, .webm), pictures with # for the frame's number " +
+                  (has_numbers ? "(frames/####.png, .jpg, .exr)"
+                               : "(frames/####.png, .jpg; numbers as .exr are tgview --output's)") +
+                  " or a folder (frames/), found \"" + path.string() + "\"");
 }
 
 std::filesystem::path framePath(const RecordTarget& target, std::size_t frame) {

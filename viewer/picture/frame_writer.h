@@ -19,8 +19,9 @@ struct RecordTarget {
 };
 
 // .mp4, .mov, .mkv and .webm are videos; frames/####.png, .jpg and .exr pictures, numbered from 0; a folder, there
-// already or without an extension, stands for FOLDER/####.png. Throws Error(usage) for anything else.
-RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::string& what);
+// already or without an extension, stands for FOLDER/####.png. Throws Error(usage) for anything else. `has_numbers`:
+// whether the recording's pictures may be .exr; those of the window have colours alone.
+RecordTarget parseRecordTarget(const std::filesystem::path& path, const std::string& what, bool has_numbers = true);
 // The picture of one frame: the number with as many digits as there are #, or more where it needs them.
 std::filesystem::path framePath(const RecordTarget& target, std::size_t frame);
 // Videos have even sides (their colour is stored at half the size): the next even size, at least 2.

@@ -3,22 +3,13 @@
 #include "viewer/picture/recording_run.h"
 
 #include "core/system/assert.h"
-#include "core/system/lower_case.h"
-#include "core/system/numbers.h"
 #include "viewer/view/path_editor.h"
 
 namespace tg {
 namespace {
 
 // The window's pictures have colours: the numbers of an .exr come from a program without one.
-RecordTarget targetOf(const ViewerState& state) {
-  RecordTarget target = parseRecordTarget(state.record.out, "recording");
-  if (lowerExtension(target.path) == ".exr") {
-    refuseValue("recording", state.record.out.string(),
-                "a video, or pictures as .png or .jpg: the numbers of .exr are recorded by tgview --output");
-  }
-  return target;
-}
+RecordTarget targetOf(const ViewerState& state) { return parseRecordTarget(state.record.out, "recording", false); }
 
 }  // namespace
 

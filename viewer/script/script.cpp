@@ -71,10 +71,16 @@ constexpr std::array kVerbs = {
            const bool control = c[0].starts_with("Ctrl+");
            const std::string rest = control ? c[0].substr(5) : c[0];
            const bool shift = rest.starts_with("Shift+");
-           const int key = parseKey(shift ? rest.substr(6) : rest, c.what);
-           if (!pressKey(c.state, control ? key | kControl : key, shift)) {
-             refuseValue(c.what, c[0], "one of the keys that do something, F1 lists them");
+           const std::string name = shift ? rest.substr(6) : rest;
+           const bool question = name == "?";  // which the help calls what Shift makes of /
+           const int key = parseKey(question ? "/" : name, c.what);
+           if (pressKey(c.state, control ? key | kControl : key, shift || question)) return;
+           if (!control && std::string_view("WASDQEZX").find(name) != std::string_view::npos) {
+             refuseValue(c.what, c[0],
+                         "a key that acts at once; this one moves the camera while it is held, a script does by orbit, "
+                         "dolly and camera");
            }
+           refuseValue(c.what, c[0], "one of the keys that do something, F1 lists them");
          }},
     Verb{"tab", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.tab = c.named<Tab>(); }},
     Verb{"panel", 1, kFramesOfPanels, [](const Call& c) { c.state.ui.panel = c.on(); }},
@@ -116,6 +122,13 @@ constexpr std::array kVerbs = {
 std::string placeOf(const ScriptCommand& command) {
   return "line " + std::to_string(command.line) + ": " + command.verb;
 }
+
+std::string placeOfLast(const Script& script) {
+  return script.next > 0 ? placeOf(script.commands[script.next - 1]) : "before line 1";
+}
+
+// A wrong value is no wrong command line.
+ErrorKind kindOf(const Error& error) { return error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind; }
 
 const Verb* findVerb(std::string_view name, std::span<const Verb> more) {
   for (const std::span<const Verb> verbs :
@@ -166,8 +179,7 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
   const std::string& shown = state.messages.error;
   const bool decides = script.next == 0 && !script.commands.empty() && script.commands[0].verb == "keep-going";
   if (script.wait == 0 && !decides && !script.keeps_going && !shown.empty() && shown != script.error) {
-    const std::string place = script.next > 0 ? placeOf(script.commands[script.next - 1]) : "before line 1";
-    throw Error(ErrorKind::badData, script.path, place + ": " + shown);
+    throw Error(ErrorKind::badData, script.path, placeOfLast(script) + ": " + shown);
   }
   while (script.wait == 0 && script.next < script.commands.size()) {
     const ScriptCommand& command = script.commands[script.next];
@@ -189,13 +201,16 @@ std::optional<glm::ivec2> step(Script& script, ViewerState& state) {
       if (verb.setting) verb.setting->set(state.display.settings, command.words[0], at);
     } catch (const Error& error) {
       const std::string what = error.what();
-      throw Error(error.kind == ErrorKind::usage ? ErrorKind::badData : error.kind, script.path,
-                  what.starts_with(at) ? what : at + ": " + what);
+      throw Error(kindOf(error), script.path, what.starts_with(at) ? what : at + ": " + what);
     }
   }
   const bool ended = script.wait == 0 && script.next == script.commands.size();
   if (ended && !state.record.wanted) state.quit = true;
   return std::nullopt;
+}
+
+void failAtLast(const Script& script, const Error& error) {
+  throw Error(kindOf(error), script.path, placeOfLast(script) + ": " + error.what());
 }
 
 }  // namespace tg

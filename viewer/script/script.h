@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/error.h"
 #include "viewer/script/verb.h"
 #include "viewer/view/state.h"
 
@@ -40,5 +41,8 @@ Script parseScript(const std::string& text, const std::string& path, std::span<c
 // the window size that a command asked for. Throws Error(badData) with the line for a wrong value, and with the last
 // command's when the viewer shows an error before the next one.
 std::optional<glm::ivec2> step(Script& script, ViewerState& state);
+
+// Throws the error again with the last command's line: of what takes frames, recordings and pictures of the window.
+[[noreturn]] void failAtLast(const Script& script, const Error& error);
 
 }  // namespace tg

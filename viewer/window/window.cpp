@@ -117,6 +117,7 @@ class Viewer {
   void askForPicture(bool moving);
   void runEnded();
   bool inspecting() const { return state_.inspect.asked || state_.inspect.busy; }
+  bool ofScript(const std::function<bool()>& does) const;  // names the line of what fails
   void takePicture();
   void drawFrame();
   bool capturing() const { return !state_.capture.picture.empty() || !state_.capture.window.empty(); }
@@ -238,7 +239,7 @@ int Viewer::run() {
     wishForLevels();
     if (documents_.update(state_)) frames_since_event_ = 0;
     setTitle();
-    if (runs_.update(state_, pictureArea().size)) runEnded();
+    if (ofScript([&] { return runs_.update(state_, pictureArea().size); })) runEnded();
     if (inspector_.update(state_, wantedSize())) frames_since_event_ = 0;
     if (desktop_.update(state_, graphics_->window(), pictureSize(), userIsBusy())) frames_since_event_ = 0;
     if (script_ && scriptMayGoOn()) {
@@ -584,6 +585,15 @@ void Viewer::askForPicture(bool moving) {
   ask(wanted);
 }
 
+bool Viewer::ofScript(const std::function<bool()>& does) const {
+  try {
+    return does();
+  } catch (const Error& error) {
+    if (script_) failAtLast(*script_, error);
+    throw;
+  }
+}
+
 void Viewer::takePicture() {
   PictureThread::News news = graphics_->pictures.take();
   if (!news.problem.empty()) {
@@ -604,7 +614,8 @@ void Viewer::takePicture() {
   state_.display.scaled = picture_->request.output;
   if (options_.timings) frame_timings_.pictureArrived();
   const glm::ivec2 size = picture_->image->size;
-  const bool for_run = runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); });
+  const bool for_run = ofScript(
+      [&] { return runs_.take(state_, *picture_, [&] { return graphics_->screen().read(*picture_->image); }); });
   if (for_run && !runs_.active()) runEnded();
   statistics_.reduced = !for_run && size != wantedSize();
   if (!statistics_.reduced && !for_run) last_full_ms_ = picture_->milliseconds;
@@ -641,7 +652,7 @@ void Viewer::capture() {
     if (saved.empty() || script_) return;  // a script's next picture must not show it
     notify(state_, "Saved " + absolutePath(saved).string());
   } catch (const Error& error) {
-    if (script_) throw;
+    if (script_) failAtLast(*script_, error);
     sayNotWritten(state_, std::exchange(state_.capture.dialog, std::nullopt), error.what());
     frames_since_event_ = 0;
   }

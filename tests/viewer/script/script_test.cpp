@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <utility>
 
 #include "core/system/error.h"
 #include "core/tiny_model.h"
 #include "support/catch.h"
+#include "viewer/view/actions.h"
 
 using namespace tg;
 
@@ -117,6 +119,47 @@ TEST_CASE("keys do what the keyboard does") {
   CHECK(state.ui.help);
 }
 
+TEST_CASE("a script presses every key by the name that the help has for it") {
+  ViewerState state;
+  int pressed = 0;
+  for (const KeyBinding& binding : keyBindings()) {
+    std::string names = binding.keys;
+    std::erase(names, ' ');  // "Page Up" is one word of a script, and "? or F1" are two keys
+    if (const std::size_t either = names.find("or"); either != std::string::npos) names.replace(either, 2, ",");
+    std::istringstream list(names == "," || names == "Shift+," ? "" : names);
+    for (std::string name; std::getline(list, name, ',');) {
+      CAPTURE(name);
+      Script script = parseScript("key " + name, "s");
+      CHECK_NOTHROW(step(script, state));
+      ++pressed;
+    }
+  }
+  CHECK(pressed > 50);
+  state.ui.help = false;
+  Script question = parseScript("key ?", "s");
+  step(question, state);
+  CHECK(state.ui.help);
+}
+
+TEST_CASE("a key that acts while it is held has its commands named") {
+  ViewerState state;
+  for (const char* key : {"W", "A", "S", "D", "Q", "E", "Z", "X", "Shift+W"}) {
+    Script script = parseScript(std::string("key ") + key, "s");
+    CHECK_THROWS_WITH(step(script, state), Contains("moves the camera while it is held, a script does by orbit"));
+  }
+  Script pad = parseScript("key Shift+Num1", "s");
+  CHECK_THROWS_WITH(step(pad, state), Contains("one of the keys that do something"));
+}
+
+TEST_CASE("what a command began and fails frames later has the command's line") {
+  ViewerState state;
+  Script script = parseScript("tab view\nrecord x.gif\n", "s.txt");
+  const Error refused(ErrorKind::usage, "recording: expected a video");
+  CHECK_THROWS_WITH(failAtLast(script, refused), "s.txt: before line 1: recording: expected a video");
+  for (int frame = 0; !state.record.wanted && frame < 9; ++frame) step(script, state);
+  CHECK_THROWS_WITH(failAtLast(script, refused), "s.txt: line 2: record: recording: expected a video");
+}
+
 TEST_CASE("scripts choose, change and take back Gaussians") {
   ViewerState state;
   Scene scene;
@@ -167,7 +210,7 @@ TEST_CASE("a broken script names its line") {
   CHECK_THROWS_WITH(parseScript("orbit 5", "s.txt"), "s.txt: line 1: orbit (expected 2 words, found 1)");
   ViewerState state;
   for (const char* bad : {"output red", "textures maybe", "background 3", "camera 0", "wait 0", "wait x", "repeat 0",
-                          "repeat 1e9", "size 1", "key Pause", "key a", "key ?", "key Ctrl+9", "panel yes", "fov wide",
+                          "repeat 1e9", "size 1", "key Pause", "key a", "key W", "key Ctrl+9", "panel yes", "fov wide",
                           "orbit 1 x", "dolly 0", "dolly -1", "dolly 1e9"}) {
     Script script = parseScript(bad, "s.txt");
     CHECK_THROWS_AS(step(script, state), Error);

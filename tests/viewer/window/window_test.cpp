@@ -499,13 +499,18 @@ TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[wi
   shop.write("write.txt", "window no/such/folder/a.png\n");
   shop.write("open.txt", "wait 2\nopen none.tgz\n");
   shop.write("inspect.txt", "inspect 3000 5\n");
+  shop.write("record.txt", "wait 2\nrecord x.exr\nawait-recording\n");
   const auto run = [&shop](const std::string& script) {
-    return shop.tgview({"model.tgz", "--size", "200x150", "--script", script}, kXServer).exit_code;
+    return shop.tgview({"model.tgz", "--size", "200x150", "--script", script}, kXServer);
   };
-  CHECK(run("missing.txt") == 2);
-  CHECK(run("unknown.txt") == 3);
-  CHECK(run("value.txt") == 3);
-  CHECK(run("write.txt") == 4);
-  CHECK(run("open.txt") == 3);
-  CHECK(run("inspect.txt") == 3);
+  CHECK(run("missing.txt").exit_code == 2);
+  CHECK(run("unknown.txt").exit_code == 3);
+  CHECK(run("value.txt").exit_code == 3);
+  const ProcessResult written = run("write.txt"), recorded = run("record.txt");
+  CHECK(written.exit_code == 4);
+  CHECK_THAT(written.err, Contains("tgview: write.txt: line 1: window: "));
+  CHECK(recorded.exit_code == 3);
+  CHECK_THAT(recorded.err, Contains("tgview: record.txt: line 2: record: recording: expected a video ("));
+  CHECK(run("open.txt").exit_code == 3);
+  CHECK(run("inspect.txt").exit_code == 3);
 }
