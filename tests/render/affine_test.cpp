@@ -3,6 +3,9 @@
 #include "render/affine/affine_picture.h"
 
 #include <cmath>
+#include <fstream>
+#include <iterator>
+#include <string>
 
 #include "core/model/verbs.h"
 #include "shared/limits.h"
@@ -62,6 +65,19 @@ TEST_CASE("an emulated viewer draws a far ball with its blur, its compensation, 
             Approx(beyond ? 0.0f : 0.5f * peak * value).margin(coarse ? 0.03f : 1.6f * kByte));
     }
     CHECK(lightAt(model, viewer, static_cast<int>(cut * std::sqrt(variance)) + 2) == 0.0f);
+  }
+}
+
+TEST_CASE("the page of browsers has the version of every viewer whose drawing is emulated") {
+  std::ifstream file("docs/lab/browsers.md");
+  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  const std::size_t table = page.find("| blur, of the variance");
+  REQUIRE(table != std::string::npos);
+  const std::string columns = page.substr(0, table);
+  const std::string heading = columns.substr(columns.rfind("\n| | "));
+  for (const SplatViewer viewer : valuesOf<SplatViewer>()) {
+    const std::string program(profileOf(viewer).program);  // "CesiumJS 1.135 (its decoder)"
+    CHECK_THAT(heading, Contains(" " + program.substr(0, program.find(" (")) + " |"));
   }
 }
 
