@@ -200,6 +200,17 @@ def at_a_desk(browser, page):
     browser.open(link, 640, 480)
     expect("and goes before it", asked == "alpha" and browser.evaluate("tgViewer.settings.show") == "final")
 
+    browser.page("Page.navigate", url="about:blank")
+    browser.open(f"{page}?exposure=2&panel=maybe&splat-budget=5&utm_source=a&show=alpha", 640, 480)
+    words = browser.evaluate(f"{told}.textContent")
+    expect("what the page does not have is named", all(word in words for word in
+           ("exposure=2 (pages do not", "panel=maybe (expected on, off)", "splat-budget=5 (expected none")), words)
+    expect("what is not for it is passed over, and the rest done",
+           "utm" not in words and browser.evaluate("tgViewer.settings.show") == "alpha", words)
+    browser.page("Page.navigate", url="about:blank")
+    browser.open(f"{page}?panel=on", 640, 480)
+    expect("and nothing of what it has", browser.evaluate(f"{told}.hidden"))
+
     browser.click(*browser.middle("#play"))
     before = browser.evaluate(eye)
     expect("the camera flies", until(browser, f"{eye} !== '{before}'") and browser.evaluate("tgViewer.playing"))

@@ -127,6 +127,24 @@ function listenToDrops(viewer, panel) {
   });
 }
 
+// Settings of tgview's picture that pages do not have.
+const ONLY_TGVIEW = ['sort', 'texture-filter', 'antialiasing', 'opacity-scale', 'splat-scale', 'sh-degree', 'near',
+                     'crop', 'exposure', 'gain', 'colors', 'range'];
+
+// Why what an address says beside the viewer's settings is not done. Names that are nobody's here may be for the page's
+// server, or for who counts its visitors.
+function refusals({lod}, wanted) {
+  const reasons = ONLY_TGVIEW.filter((key) => wanted[key] !== undefined)
+    .map((key) => `${key}=${wanted[key]} (pages do not have this setting of tgview's)`);
+  if (wanted.panel !== undefined && !['on', 'off'].includes(wanted.panel)) {
+    reasons.push(`panel=${wanted.panel} (expected on, off)`);
+  }
+  if (wanted['splat-budget'] !== undefined && !lod) {
+    reasons.push(`splat-budget=${wanted['splat-budget']} (expected none: the model has no levels of detail)`);
+  }
+  return reasons;
+}
+
 // What the address says of the view; what cannot be is named, and the rest is done.
 function takeAddress(viewer) {
   const words = (text) => Object.fromEntries(new URLSearchParams(text));
@@ -136,7 +154,7 @@ function takeAddress(viewer) {
     delete first.view;
   }
   const wanted = {...first, ...then};
-  const reasons = viewer.applyWhatCan(wanted);
+  const reasons = [...viewer.applyWhatCan(wanted), ...refusals(viewer.model, wanted)];
   const notes = [...viewer.model.notes, ...reasons.map((reason) => `The address: ${reason}.`)];
   showMessage(notes.join(' '), 'note');
   return wanted;

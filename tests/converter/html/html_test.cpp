@@ -8,6 +8,7 @@
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
+#include "render/settings.h"
 #include "support/catch.h"
 
 using namespace tg;
@@ -135,6 +136,23 @@ TEST_CASE("a page names nothing outside itself") {
     CHECK(page.find(mark) == std::string::npos);
   }
   CHECK(page.find("#include \"") == std::string::npos);  // <...> stand in parts that are for C++
+}
+
+TEST_CASE("a page takes every setting of the picture from its address or says that it has none such") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 66, 5);
+  writeHtml(scratch.folder() / "a.html", {scene.model, {}, glm::vec3(0.0f)});
+  const std::string page = Glb::slurp(scratch.folder() / "a.html");
+  const std::size_t list = page.find("const ONLY_TGVIEW = [");
+  REQUIRE(list != std::string::npos);
+  const std::string lacks = page.substr(list, page.find("];", list) - list);
+  for (const RenderSetting& setting : renderSettings()) {
+    const std::string name = "'" + std::string(setting.name) + "'";
+    INFO(name);
+    const bool takes = page.find("choice(" + name) != std::string::npos ||
+                       page.find("this.settings." + std::string(setting.name) + " = ") != std::string::npos;
+    CHECK(takes == (lacks.find(name) == std::string::npos));
+  }
 }
 
 TEST_CASE("spoilt pages are refused with a word") {
