@@ -143,9 +143,11 @@ class Parser {
     scene_.texture_mode = named<TextureMode>(own, "texture_mode");
     scene_.intersection = named<IntersectionModel>(own, "intersection");
     scene_.outside = named<TextureOutside>(own, "outside");
-    const auto background =
-        own.numbers<3>("background", -std::numeric_limits<float>::max(), std::numeric_limits<float>::max());
-    for (int c = 0; c < 3; ++c) scene_.background[c] = static_cast<float>(background[c]);
+    if (own.has("background")) {
+      const auto [r, g, b] =
+          own.numbers<3>("background", -std::numeric_limits<float>::max(), std::numeric_limits<float>::max());
+      scene_.background = glm::vec3(r, g, b);
+    }
     if (own.has("cameras")) scene_.cameras = insideName(own, own.string("cameras"));
   }
 

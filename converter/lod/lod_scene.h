@@ -46,7 +46,7 @@ struct LodScene {
   TextureMode texture_mode = TextureMode::none;  // of level 0
   IntersectionModel intersection = IntersectionModel::maxResponse;
   TextureOutside outside = TextureOutside::base;
-  glm::vec3 background{0.0f};
+  std::optional<glm::vec3> background;  // of a model that knew none: none
   std::string cameras;  // a cameras.json, relative as files are; "": none
 };
 

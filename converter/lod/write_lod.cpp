@@ -372,8 +372,8 @@ class Writer {
                 {"sh_degree", source_.model.sh_degree},
                 {"texture_mode", name(isTextured(source_.model) ? source_.model.texture_mode : TextureMode::none)},
                 {"intersection", name(source_.model.intersection)},
-                {"outside", name(source_.model.outside)},
-                {"background", numbersOf(source_.background)}};
+                {"outside", name(source_.model.outside)}};
+    if (source_.knows_background) own["background"] = numbersOf(source_.background);
     if (!source_.cameras.empty()) own["cameras"] = folder + "/" + std::string(kCamerasName);
     meta[lod::kOwn] = std::move(own);
     Json& names = meta["filenames"] = Json::array();

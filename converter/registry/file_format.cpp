@@ -198,8 +198,8 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
       bundleOf(assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
   loaded.cameras = readLodCameras(scene, reader, warnings);
   loaded.warnings = std::move(warnings);
-  loaded.background = scene.background;
-  loaded.knows_background = scene.sh_degree.has_value();  // where it is of ours
+  loaded.background = scene.background.value_or(loaded.background);
+  loaded.knows_background = scene.background.has_value();
   if (scene.has_environment) loaded.warnings.push_back("\"environment\" is left out");
   return checked(std::move(loaded), path);
 }

@@ -134,6 +134,9 @@ const deep = (depth) => {
 };
 expect('a deep tree is read', (await parseLodMeta(bytesOf({...good, tree: deep(2000)}))).leaves.length === 1);
 expect('what is ours is read', (await parseLodMeta(bytesOf({...good, TG_levels_of_detail: own}))).own.mode === 3);
+const {background, ...unknown} = own;
+expect('of a model that knows no background none is needed',
+       (await parseLodMeta(bytesOf({...good, TG_levels_of_detail: unknown}))).own.background === undefined);
 expect('a later version is passed over',
        (await parseLodMeta(bytesOf({...good, TG_levels_of_detail: {...own, version: 2}}))).own === null);
 const changed = (path, value) => {

@@ -201,7 +201,7 @@ Scene sceneOf(const OpenedLevels& opened, std::shared_ptr<const GaussianModel> m
   Scene scene;
   scene.path = path;
   scene.streamed_from = static_cast<std::size_t>(opened.scene.counts.front());
-  scene.background = opened.scene.background;
+  scene.background = opened.scene.background.value_or(scene.background);
   scene.cameras = opened.cameras;
   scene.up = sceneUp(opened.cameras);
   scene.warnings = opened.warnings;

@@ -36,8 +36,8 @@ function readBound(bound, where) {
   return {low: [-max[0], -max[1], min[2]], high: [-min[0], -min[1], max[2]]};
 }
 
-// What the toolchain adds, {shCoefficients, mode, intersection, outside, background, cameras: the name of a file or
-// null}; null where another program wrote the file, or a later one.
+// What the toolchain adds, {shCoefficients, mode, intersection, outside, background: or undefined, cameras: the name of
+// a file or null}; null where another program wrote the file, or a later one.
 function readOwn(own) {
   if (!own || own.version !== 1) return null;
   const where = `/${LEVELS}`;
@@ -46,7 +46,8 @@ function readOwn(own) {
   expectThat(mode === 'none' || valueNamed(MODES, mode) !== undefined, `${where}/texture_mode`, mode);
   expectThat(valueNamed(INTERSECTIONS, intersection) !== undefined, `${where}/intersection`, intersection);
   expectThat(valueNamed(OUTSIDES, outside) !== undefined, `${where}/outside`, outside);
-  expectThat(Array.isArray(background) && background.length === 3 && background.every(Number.isFinite),
+  expectThat(background === undefined ||
+             (Array.isArray(background) && background.length === 3 && background.every(Number.isFinite)),
              `${where}/background`, 'expected 3 numbers');
   expectThat(cameras === null || typeof cameras === 'string', `${where}/cameras`, cameras);
   return {shCoefficients: (degree + 1) ** 2 - 1, mode: MODES[mode] || 0, intersection: INTERSECTIONS[intersection],

@@ -108,6 +108,19 @@ TEST_CASE("levels of detail: a bright background and a mean beyond all others ar
   CHECK_FALSE(foreign.knows_background);
 }
 
+TEST_CASE("levels of detail: a background that the model does not know is not made up") {
+  const Scratch scratch;
+  Bundle in = trained(300, false);
+  in.knows_background = false;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  writeLod(path, in);
+  CHECK_FALSE(nlohmann::json::parse(readFile(path, 1 << 20))[lod::kOwn].contains("background"));
+  const Bundle out = readModel(path);
+  CHECK_FALSE(out.knows_background);
+  CHECK(out.background == Bundle().background);
+  CHECK(out.model.intersection == in.model.intersection);  // what else is ours is read
+}
+
 TEST_CASE("levels of detail: what each file warns of is told once") {
   const Scratch scratch;
   const fs::path path = scratch.folder() / "lod-meta.json";
