@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Help, manual pages and completions of the programs, from the same option tables: commands_test.py PROGRAM..."""
+"""Help, manual pages and completions of the programs, from the same option tables, and the pages of docs/ beside them:
+commands_test.py PROGRAM..."""
 import os
 import pathlib
 import re
@@ -137,6 +138,15 @@ def check_manual(program, folder, tables):
         check(result.returncode == 0 and not result.stderr, f"{page.name}: {result.stderr}")
 
 
+def check_docs(known):
+    """Every option stands in a page of docs/, but for those that every program has."""
+    docs = pathlib.Path(__file__).resolve().parents[1] / "docs"
+    pages = "\n".join(page.read_text() for page in docs.glob("*.md"))
+    for program, commands in known.items():
+        for option in set().union(*commands.values()) - {"--help", "--version", "--man", "--completion"}:
+            check(re.search(re.escape(option) + r"(?![\w-])", pages), f"docs/*.md: no {option} of {program}")
+
+
 def main():
     programs = [pathlib.Path(name) for name in sys.argv[1:]]
     known, texts = {}, {}
@@ -153,6 +163,7 @@ def main():
             check(result.returncode == 1 and f"did you mean {command}?" in result.stderr, f"{command}: {result.stderr}")
     for name, text in texts.items():
         check_examples(name, text, known)
+    check_docs(known)
     with tempfile.TemporaryDirectory() as folder:
         for program in programs:
             tables = known[program.name]
