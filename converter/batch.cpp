@@ -20,13 +20,21 @@
 namespace tg {
 namespace {
 
-// By content, and where that tells too little by name as well.
+// Pages of all kinds are called .html: ours are told by their content alone.
+bool isNamedAsModel(const std::filesystem::path& path) {
+  const std::string name = lowerCase(path.filename().string());
+  return std::ranges::any_of(formats(), [&](const Format& format) {
+    return format.read && format.name != "html" && name.ends_with(extensionOf(format));
+  });
+}
+
+// By content or by name: what cannot be read, is empty or holds something else says so when its turn comes, and is not
+// passed over.
 bool isModel(const std::filesystem::path& path) {
   try {
-    const Format& format = detectFormat(path);
-    return !format.is_common || lowerExtension(path) == "." + std::string(format.name);
+    return !detectFormat(path).is_common || isNamedAsModel(path);
   } catch (const Error&) {
-    return false;
+    return isNamedAsModel(path);
   }
 }
 
@@ -70,8 +78,9 @@ std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder)
   std::error_code error;
   for (std::filesystem::directory_iterator entry(folder, error); !error && entry != end(entry);
        entry.increment(error)) {
-    std::error_code unknown;  // of a link that leads round in a circle
-    if (entry->is_regular_file(unknown) && isModel(entry->path())) models.push_back(entry->path());
+    const bool hidden = entry->path().filename().string().starts_with('.');  // such as temporary files
+    std::error_code unknown;                                                 // of a link that leads nowhere
+    if (!hidden && !entry->is_directory(unknown) && isModel(entry->path())) models.push_back(entry->path());
   }
   if (error) throw Error(ErrorKind::cannotRead, folder.string(), "cannot be read: " + error.message());
   if (models.empty()) throw Error(ErrorKind::cannotRead, folder.string(), "holds no model");

@@ -28,8 +28,8 @@ struct BatchProgress {
   double done = 0;  // part of all bytes to be read, in [0, 1]
 };
 
-// Every file of a folder, not of its folders, that is a model by its content, in the order of their names. Throws
-// Error(cannotRead), also where there is none.
+// Every file of a folder, not of its folders, that is a model by its content or is named as one, in the order of their
+// names; no hidden ones, and no pages of others. Throws Error(cannotRead), also where there is none.
 std::vector<std::filesystem::path> modelsIn(const std::filesystem::path& folder);
 
 // Every model of `input` to `output`/NAME.`extension`. NAME is the file's without its format's ending; of a.ply and

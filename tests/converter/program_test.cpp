@@ -294,7 +294,6 @@ TEST_CASE("tgconvert turns a folder of models into another, and says which faile
   scratch.write("in/readme.txt", "no model");
   scratch.write("in/notes.json", "{\"a\": 1}");  // what a .gltf may begin like, and a .sog
   scratch.write("in/papers.zip", "PK\3\4");
-  std::filesystem::create_symlink("circle.ply", scratch.folder() / "in" / "circle.ply");
   const Result good = tgconvert(scratch, "in out --to glb --keep 'index < 10'");
   CHECK(good.code == 0);
   CHECK(good.err.empty());  // no progress where there is no terminal
@@ -319,6 +318,36 @@ TEST_CASE("tgconvert turns a folder of models into another, and says which faile
   CHECK(tgconvert(scratch, "in out --to obj").code == 1);
   std::filesystem::create_directory(scratch.folder() / "empty");
   CHECK(tgconvert(scratch, "empty out --to glb").code == 2);
+}
+
+TEST_CASE("what is named as a model in a folder and is none fails and other files are left aside") {
+  const Scratch scratch;
+  const std::filesystem::path in = scratch.folder() / "in";
+  std::filesystem::create_directories(in / "folder.ply");
+  writeSplatPly(in / "good.ply", randomSplats(1, 10, 3.0, 45));
+  scratch.write("in/empty.spz", "");
+  scratch.write("in/Missing.SOG", "<html>404");
+  scratch.write("in/lod-meta.json", "404");
+  Bundle bundle;
+  bundle.model = randomSplats(1, 10, 3.0, 45);
+  writeBundle(in / "bundle.splat", bundle);
+  std::filesystem::create_symlink("nowhere", in / "link.ply");
+  std::filesystem::create_symlink("circle.ply", in / "circle.ply");
+  for (const char* other : {"index.html", "._good.ply", "meta.json", "atlas.png", "buffer.bin", "ply"}) {
+    scratch.write(std::string("in/") + other, "404");
+  }
+  const Result result = tgconvert(scratch, "in out --to spz");
+  const std::string expected = "Missing.SOG: failed: in/Missing.SOG: is no splat model (expected a " +
+                               listed(inputNames()) +
+                               " file)\n"
+                               "bundle.splat: 10 Gaussians, ";
+  CHECK(result.out.starts_with(expected));
+  CHECK(result.out.find("circle.ply: failed: in/circle.ply: cannot open: ") != std::string::npos);
+  CHECK(result.out.find("empty.spz: failed: in/empty.spz: the file is empty\n") != std::string::npos);
+  CHECK(result.out.find("link.ply: failed: in/link.ply: no such file\n") != std::string::npos);
+  CHECK(result.out.find("lod-meta.json: failed: in/lod-meta.json: is no splat model") != std::string::npos);
+  CHECK(result.out.find("2 models written, 5 failed") != std::string::npos);
+  CHECK(result.code == 3);  // the first one's: of an unknown content
 }
 
 TEST_CASE("two models of a folder that differ by their format's name alone are two files, and warnings are told") {
