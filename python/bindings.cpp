@@ -7,8 +7,8 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdint>
-#include <cstdio>
 #include <memory>
 #include <optional>
 #include <span>
@@ -458,10 +458,11 @@ opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands
       "path"_a, "image"_a, "By the extension: .png and .jpg (clamped to [0, 1], 8 bits) or .exr (half floats).");
 }
 
+// As in any locale.
 std::string decimals(double number, int digits) {
-  std::array<char, 64> text;
-  std::snprintf(text.data(), text.size(), "%.*f", digits, number);
-  return text.data();
+  std::array<char, 400> text;  // the largest double has 309 digits before its point
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::fixed, digits).ptr;
+  return {text.data(), end};
 }
 
 // As tgtrain's flags take it.

@@ -9,6 +9,7 @@ import inspect
 import os
 import pathlib
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -297,6 +298,36 @@ class Training(Folder):
             self.assertEqual(len(changes.result()), 10000)
             self.assertTrue(all(size > 0 for size in sizes.result()))
         self.assertRegex(repr(trainer.progress), r"<Progress plain 40 of 40, \d+ Gaussians, \d+\.\d\d dB>")
+
+    def test_an_evaluation_goes_over_the_background_of_the_model(self):
+        black = tg.Dataset.load(self.scene.name, background=(0, 0, 0))
+        model = tg.Trainer(black, iterations=1, texture_mode="none").model()
+        found = tg.evaluate(model, tg.Dataset.load(self.scene.name))
+        self.assertEqual((found.background, found.warnings), ((0, 0, 0), []))
+        self.assertEqual(found.mean.psnr, tg.evaluate(model, black).mean.psnr)
+        self.assertIn("none of its 72 cameras", tg.evaluate(tg.Model.load(SAMPLE), black).warnings[0])
+
+    def test_a_data_set_tells_what_it_was_read_without(self):
+        scene = self.folder / "scene"
+        shutil.copytree(self.scene.name, scene)
+        (scene / "train/r_1.png").unlink()
+        self.assertEqual(tg.Dataset.load(self.scene.name).warnings, [])
+        self.assertEqual(len(tg.Dataset.load(scene)), 7)
+        self.assertRegex(tg.Dataset.load(scene).warnings[0], "^1 of 8 listed images are missing .*train/r_1")
+
+    def test_numbers_are_written_alike_in_every_locale(self):
+        with tempfile.TemporaryDirectory() as folder:
+            made = subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", folder + "/de_DE.UTF-8"],
+                                  capture_output=True) if shutil.which("localedef") else None
+            if made is None or made.returncode != 0:
+                self.skipTest("no localedef that makes de_DE.UTF-8")
+            text = subprocess.run(
+                [sys.executable, "-c", "import locale, sys, textured_gaussians as tg\n"
+                 "locale.setlocale(locale.LC_ALL, 'de_DE.UTF-8')\n"
+                 "data = tg.Dataset.load(sys.argv[1])\n"
+                 "print(f'{0.5:n}', tg.evaluate(tg.Model.load(sys.argv[2]), data))", self.scene.name, SAMPLE],
+                env=os.environ | {"PYTHONPATH": FOLDER, "LOCPATH": folder}, capture_output=True, text=True, check=True)
+            self.assertRegex(text.stdout, r"^0,5 <Evaluation of 2 photographs: \d+\.\d\d dB, SSIM 0\.\d{4}>$")
 
     def test_an_interrupt_ends_an_evaluation(self):
         subprocess.run([*MAKE_SAMPLE, self.folder / "scene", "--size", "200", "--views", "2", "--test-views", "24",
