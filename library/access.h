@@ -28,6 +28,7 @@ struct Model::Parts {
 
 struct Dataset::Parts {
   tg::Dataset dataset;
+  bool chose_background = false;  // whoever loaded it
 };
 
 struct Access {
@@ -35,6 +36,7 @@ struct Access {
   static std::shared_ptr<const tg::Dataset> dataset(const Dataset& dataset) {
     return {dataset.parts_, &dataset.parts_->dataset};
   }
+  static bool choseBackground(const Dataset& dataset) { return dataset.parts_->chose_background; }
   static Model model(tg::Bundle bundle);
 };
 

@@ -11,7 +11,7 @@ Dataset Dataset::load(const std::filesystem::path& folder, const DatasetOptions&
     own.downscale = options.downscale;
     own.test_every = options.test_every;
     if (options.background) own.background = finiteColorOf(*options.background);
-    return Dataset(std::make_shared<const Parts>(Parts{tg::loadDataset(folder, own)}));
+    return Dataset(std::make_shared<const Parts>(Parts{tg::loadDataset(folder, own), own.background.has_value()}));
   });
 }
 
@@ -24,6 +24,12 @@ std::vector<Camera> Dataset::cameras() const {
 }
 
 std::array<float, 3> Dataset::background() const { return colorOf(parts_->dataset.background); }
+
+std::vector<std::string> Dataset::warnings() const {
+  std::vector<std::string> warnings;
+  for (const std::string& note : parts_->dataset.notes) warnings.push_back(tg::printable(note));
+  return warnings;
+}
 
 Image Dataset::photograph(std::size_t index) const {
   return guarded([&] {

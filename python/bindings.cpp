@@ -63,6 +63,13 @@ py::str fileNameOf(const std::string& name) {
   return py::reinterpret_steal<py::str>(PyUnicode_DecodeFSDefaultAndSize(name.data(), py::ssize_t(name.size())));
 }
 
+// Lines that may name files.
+py::list linesOf(const std::vector<std::string>& lines) {
+  py::list texts;
+  for (const std::string& line : lines) texts.append(fileNameOf(line));
+  return texts;
+}
+
 // ---- Names of enumerators
 
 template <typename Enum, std::size_t kCount>
@@ -481,14 +488,17 @@ void bindTraining(py::module_& module) {
           "folder"_a, py::kw_only(), "downscale"_a = 1, "background"_a = py::none(), "test_every"_a = 8,
           py::call_guard<py::gil_scoped_release>(), R"(A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder.
 
-downscale: whole number. background: RGB behind transparent photographs; None: the data set's own, else white for NeRF-synthetic, else black.
-test_every: every n-th photograph is held out where the data set has no split; 0: none.)")
+downscale: whole number. background: RGB behind transparent photographs; None: the data set's own, else white for
+NeRF-synthetic, else black; an evaluation goes over the model's then. test_every: every n-th photograph is held out where the data set has no split; 0: none.)")
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
       .def("__repr__",
            [](const Dataset& dataset) { return "<Dataset of " + std::to_string(dataset.size()) + " photographs>"; })
       .def_property_readonly(
           "background", [](const Dataset& dataset) { return py::tuple(py::cast(dataset.background())); }, "RGB.")
+      .def_property_readonly(
+          "warnings", [](const Dataset& dataset) { return linesOf(dataset.warnings()); },
+          "What reading passed over or took otherwise than it was listed, as missing photographs: a line each.")
       .def(
           "photograph",
           [](const Dataset& dataset, std::size_t index) {
@@ -563,6 +573,12 @@ void bindEvaluation(py::module_& module) {
   py::class_<Evaluation>(module, "Evaluation", "How close pictures of a model come to the photographs of a data set.")
       .def_readonly("views", &Evaluation::views, "A ViewScore a photograph.")
       .def_readonly("mean", &Evaluation::mean, "Of every figure; its name is empty.")
+      .def_property_readonly(
+          "background", [](const Evaluation& evaluation) { return py::tuple(py::cast(evaluation.background)); },
+          "RGB behind photographs and pictures.")
+      .def_property_readonly(
+          "warnings", [](const Evaluation& evaluation) { return linesOf(evaluation.warnings); },
+          "Of a model that was trained on others than these photographs, a line each.")
       .def("__repr__", [](const Evaluation& evaluation) {
         return "<Evaluation of " + std::to_string(evaluation.views.size()) +
                " photographs: " + figures(evaluation.mean) + ">";
@@ -579,7 +595,10 @@ void bindEvaluation(py::module_& module) {
         return evaluate(model, dataset, options);
       },
       "model"_a, "dataset"_a, py::kw_only(), "split"_a = "test", "flip"_a = false, "textures"_a = "rgba",
-      "PSNR, SSIM and, where asked for, FLIP of the photographs of a split: \"test\", \"train\" or \"all\".");
+      R"(PSNR, SSIM and, where asked for, FLIP of the photographs of a split: "test", "train" or "all".
+
+As tgeval does it, the same numbers: over the background that the data set was loaded with, where one was asked for,
+else the model's, where it is known, as of a .tgz and of what has cameras, else the data set's.)");
 
   py::class_<ConvertReport>(module, "ConvertReport", "What a conversion read and wrote.")
       .def("__repr__",

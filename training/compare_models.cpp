@@ -49,12 +49,12 @@ std::optional<glm::vec3> backgroundOf(const EvalGroup& group, std::span<const Ev
   std::optional<glm::vec3> background;
   if (!options.data.background.empty()) return background;
   for (std::size_t i = 0; i < scenes.size(); ++i) {
-    if (!scenes[i].background) continue;
-    if (background && *background != *scenes[i].background) {
+    if (!scenes[i].trained.background) continue;
+    if (background && *background != *scenes[i].trained.background) {
       throw Error(ErrorKind::usage, group.models[i],
                   "was trained against another background than the models before it (expected --background)");
     }
-    background = scenes[i].background;
+    background = scenes[i].trained.background;
   }
   return background;
 }

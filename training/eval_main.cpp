@@ -55,7 +55,7 @@ std::vector<fs::path> pictureFiles(const std::string& folder, const tg::Dataset&
 
 tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup& group, const tg::EvalScene& scene,
                             const std::optional<tg::Lpips>& lpips) {
-  const tg::Dataset dataset = tg::readEvalViews(options, group.dataset, scene.background);
+  const tg::Dataset dataset = tg::readEvalViews(options, group.dataset, scene.trained.background);
   if (!options.quiet) tg::warnOfOtherViews(group.models.front(), scene, dataset);
   const std::vector<fs::path> pictures = pictureFiles(options.images, dataset, options.overwrite);
   const std::vector<fs::path> comparisons = pictureFiles(options.side_by_side, dataset, options.overwrite);

@@ -2,7 +2,6 @@
 // Files in, pictures out.
 #include "training/score_model.h"
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <utility>
@@ -22,52 +21,17 @@ EvalScene readEvalScene(const std::string& path, bool quiet) {
       std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), kInterruptedTraining);
     }
   }
-  EvalScene scene{std::make_shared<const GaussianModel>(std::move(bundle.model)),
-                  bundle.background,
-                  storedBytes(*findFormat(bundle.format), path),
-                  {}};
-  scene.knows_split = !bundle.training_json.empty();
-  // Other formats round them.
-  if (bundle.format == "tgz" && !wasForValidation(bundle.training_json)) scene.cameras = std::move(bundle.cameras);
-  // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
-  // lost on the same ways.
-  if (bundle.format != "tgz" && bundle.cameras.empty()) scene.background.reset();
+  EvalScene scene;
+  scene.trained = trainedOn(bundle);
+  scene.bytes = storedBytes(*findFormat(bundle.format), path);
+  scene.model = std::make_shared<const GaussianModel>(std::move(bundle.model));
   return scene;
 }
 
 void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset) {
-  if (scene.cameras.empty()) return;
-  // Edited models' cameras move with them, by computation.
-  constexpr double kSame = 1e-6;
-  const auto same = [](const Camera& a, const Camera& b) {
-    double turned = 0;
-    for (int axis = 0; axis < 3; ++axis) turned += glm::distance(a.rotation[axis], b.rotation[axis]);
-    return turned < kSame && glm::distance(a.translation, b.translation) < kSame * (1 + glm::length(a.translation));
-  };
-  const auto trained = [&](const Camera& view) {
-    return std::ranges::find_if(scene.cameras, [&](const Camera& camera) { return same(camera, view); });
-  };
-  const auto held_out = [](const Camera& view) { return view.test; };
-  const auto seen = std::ranges::count_if(dataset.views, [&](const Camera& view) {
-    const auto camera = trained(view);
-    return view.test && camera != scene.cameras.end() && !camera->test;
-  });
-  if (scene.knows_split && seen > 0) {
-    std::fprintf(stderr, "tgeval: %s: was trained on %td of the %td test views (--test-every)\n", path.c_str(), seen,
-                 std::ranges::count_if(dataset.views, held_out));
+  for (const std::string& note : notesOnViews(scene.trained, dataset.name, dataset.views)) {
+    std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), note.c_str());
   }
-  for (const Camera& view : dataset.views) {
-    const auto camera = trained(view);
-    if (camera == scene.cameras.end()) continue;
-    if (camera->size != view.size) {
-      std::fprintf(stderr,
-                   "tgeval: %s: was trained on photographs of %d x %d, and is scored on %d x %d (--downscale)\n",
-                   path.c_str(), camera->size.x, camera->size.y, view.size.x, view.size.y);
-    }
-    return;
-  }
-  std::fprintf(stderr, "tgeval: %s: none of its %zu cameras is among the views of %s: was it trained on others?\n",
-               path.c_str(), scene.cameras.size(), dataset.name.c_str());
 }
 
 Dataset readEvalViews(const EvalOptions& options, const std::string& folder,

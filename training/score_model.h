@@ -9,6 +9,7 @@
 #include "render/renderer.h"
 #include "training/cli.h"
 #include "training/score/evaluate.h"
+#include "training/score/trained_on.h"
 
 namespace tg {
 
@@ -36,16 +37,13 @@ struct EvalOptions {
 
 struct EvalScene {
   std::shared_ptr<const GaussianModel> model;
-  std::optional<glm::vec3> background;  // what it was trained against
-  std::uintmax_t bytes = 0;             // of the file
-  std::vector<Camera> cameras;          // which a data set that it is scored on should have, and as large; or none
-  bool knows_split = false;             // Camera::test of these says what was held out
+  TrainedOn trained;
+  std::uintmax_t bytes = 0;  // of the file
 };
 // Warnings go to stderr. Throws what readModel() throws.
 EvalScene readEvalScene(const std::string& path, bool quiet);
 
-// A line on stderr where the model at `path` was trained on other photographs, on such of another size, or on test
-// views.
+// notesOnViews() of the model at `path`, on stderr.
 void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset);
 
 // The views of options.split and no others, over options.data.background or else `background`. Throws Error(usage)

@@ -9,9 +9,8 @@ namespace tg = textured_gaussians;
 int main(int count, char** arguments) try {
   if (count != 3) return 1;
   const tg::Model model = tg::Model::load(arguments[1]);
-  tg::DatasetOptions options;
-  options.background = model.background();
-  const tg::Evaluation evaluation = tg::evaluate(model, tg::Dataset::load(arguments[2], options));
+  const tg::Evaluation evaluation = tg::evaluate(model, tg::Dataset::load(arguments[2]));
+  for (const std::string& warning : evaluation.warnings) std::fprintf(stderr, "evaluate: %s\n", warning.c_str());
   for (const tg::ViewScore& view : evaluation.views) {
     std::printf("%s: %.2f dB, SSIM %.4f\n", view.name.c_str(), view.psnr, view.ssim);
   }

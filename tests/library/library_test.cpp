@@ -42,15 +42,18 @@ std::string bytesOf(const std::filesystem::path& path) {
   return bytes.str();
 }
 
-// Runs an example; what it prints.
-std::string example(const std::string& name, const std::string& arguments, const TemporaryFolder& folder) {
+// Runs a program of the build; what it prints.
+std::string program(const std::string& name, const std::string& arguments, const TemporaryFolder& folder) {
   const std::string log = (folder / "log").string();
-  const std::string command = std::string(TG_EXAMPLES) + "/example_" + name + " " + arguments + " >'" + log + "' 2>&1";
+  const std::string command = std::string(TG_PROGRAMS) + "/" + name + " " + arguments + " >'" + log + "' 2>&1";
   const int status = std::system(command.c_str());
   const std::string said = bytesOf(log);
   INFO(command << ": " << said);
   REQUIRE(status == 0);
   return said;
+}
+std::string example(const std::string& name, const std::string& arguments, const TemporaryFolder& folder) {
+  return program("example_" + name, arguments, folder);
 }
 
 }  // namespace
@@ -357,6 +360,63 @@ TEST_CASE("an evaluation has every photograph of the split, and its means are th
   CHECK(evaluate(model, dataset, {.split = Split::train}).views.size() == 6);
   CHECK(evaluate(model, dataset, {.split = Split::all}).views.size() == 8);
   CHECK(evaluate(model, dataset, {.textures = TextureMode::none}).mean.psnr < test.mean.psnr);
+}
+
+TEST_CASE("an evaluation goes over the background of the model as that of tgeval does") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);  // white, where nobody says otherwise
+  const std::array<float, 3> black = {0, 0, 0}, white = {1, 1, 1};
+  const Dataset dataset = Dataset::load(folder / "scene"),
+                over_black = Dataset::load(folder / "scene", {.background = black});
+  CHECK(dataset.background() == white);
+  Trainer trainer(over_black, {.settings = {{"iterations", "20"}, {"texture-mode", "none"}}});
+  while (trainer.step()) {
+  }
+  trainer.model().save(folder / "black.tgz");
+  const Model model = Model::load(folder / "black.tgz");
+  const Evaluation evaluation = evaluate(model, dataset), chosen = evaluate(model, over_black);
+  CHECK(evaluation.background == black);
+  CHECK(evaluation.warnings.empty());
+  const std::string path = folder.path.string();
+  program("tgeval", path + "/black.tgz " + path + "/scene --json " + path + "/scores.json", folder);
+  const std::string json = bytesOf(folder / "scores.json"), key = "\n \"psnr\": ";
+  REQUIRE(json.find(key) != json.npos);
+  CHECK(evaluation.mean.psnr == std::strtod(json.c_str() + json.find(key) + key.size(), nullptr));
+  for (std::size_t i = 0; i < evaluation.views.size(); ++i) {
+    CHECK(evaluation.views[i].psnr == chosen.views[i].psnr);
+    CHECK(evaluation.views[i].ssim == chosen.views[i].ssim);
+  }
+  const Dataset over_white = Dataset::load(folder / "scene", {.background = white});
+  CHECK(evaluate(model, over_white).background == white);
+  CHECK(evaluate(model, over_white).mean.psnr != evaluation.mean.psnr);
+  model.save(folder / "any.ply");
+  CHECK(evaluate(Model::load(folder / "any.ply"), dataset).background == white);
+}
+
+TEST_CASE("an evaluation tells of a model of other photographs") {
+  const TemporaryFolder folder;
+  tg::SampleOptions scene = kScene;
+  tg::writeSample(folder / "scene", scene, false);
+  scene.train_views = 9;
+  scene.test_views = 5;
+  tg::writeSample(folder / "other", scene, false);
+  const Model model = Trainer(Dataset::load(folder / "scene"), {.settings = {{"iterations", "1"}}}).model();
+  CHECK(evaluate(model, Dataset::load(folder / "other")).warnings ==
+        std::vector<std::string>{"none of its 8 cameras is among the views of other: was it trained on others?"});
+  const Dataset smaller = Dataset::load(folder / "scene", {.downscale = 2});
+  CHECK(evaluate(model, smaller).warnings ==
+        std::vector<std::string>{"was trained on photographs of 32 x 32, and is scored on 16 x 16 (--downscale)"});
+}
+
+TEST_CASE("a data set tells what it was read without") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  CHECK(Dataset::load(folder / "scene").warnings().empty());
+  std::filesystem::remove(folder / "scene/train/r_2.png");
+  const Dataset dataset = Dataset::load(folder / "scene");
+  CHECK(dataset.size() == 7);
+  CHECK(dataset.warnings() ==
+        std::vector<std::string>{"1 of 8 listed images are missing and were skipped (the first: ./train/r_2)"});
 }
 
 TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {

@@ -313,6 +313,11 @@ void loadPhotographs(const DatasetIndex& index, int downscale, const DatasetOpti
   }
   dataset.photographs = std::make_shared<PhotographStore>(
       sources.size(), options.image_memory, [sources](std::size_t view) { return decodePhotograph(sources[view]); });
+  dataset.decode = [sources](std::size_t view, const glm::vec3& background) {
+    PhotographSource source = sources[view];
+    source.background = background;
+    return decodePhotograph(source);
+  };
   const auto isOwn = [&](std::size_t i) {
     return options.parts == 1 ||
            (!index.entries[i].camera.test && i % static_cast<std::size_t>(options.parts) == std::size_t(options.part));
@@ -394,6 +399,12 @@ std::shared_ptr<const ViewPixels> Dataset::composited(std::size_t view, const gl
   TG_ASSERT(view < views.size() && photographs, "the data set has this view");
   TG_ASSERT(!insideParallelFor(), "pixels are not fetched inside a parallelFor");
   return compositeOver(photographs->get(view), color);
+}
+
+std::shared_ptr<const ViewPixels> Dataset::reloaded(std::size_t view, const glm::vec3& color) const {
+  if (color == background) return pixels(view);
+  TG_ASSERT(view < views.size() && decode, "the data set has this view, of a file");
+  return compositeOver(std::make_shared<const Photograph>(decode(view, color)), color);
 }
 
 void Dataset::prefetch(std::size_t view) const {

@@ -39,12 +39,15 @@ struct Dataset {
   std::vector<std::string> notes;                // what a user should know: one line each, without the data set's path
   int missing_images = 0;                        // listed by the data set, not on disk: skipped
   std::shared_ptr<PhotographStore> photographs;  // one a view
+  std::function<Photograph(std::size_t view, const glm::vec3& background)> decode;  // of files, over any background
 
   std::vector<std::size_t> indices(bool test) const;
   // The pixels of a view over `background`, or over a colour of the caller's choice: the same ones where the photograph
   // is opaque or random_background is false. They stay valid as long as the result lives. Not inside a parallelFor.
   std::shared_ptr<const ViewPixels> pixels(std::size_t view) const;
   std::shared_ptr<const ViewPixels> composited(std::size_t view, const glm::vec3& color) const;
+  // As pixels() of the same files where they are loaded over `color`: decoded anew, unless it is `background`.
+  std::shared_ptr<const ViewPixels> reloaded(std::size_t view, const glm::vec3& color) const;
   // A hint that the pixels of this view are wanted soon; up to PhotographStore::kReadAhead views ahead is of use.
   void prefetch(std::size_t view) const;
 };

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -16,7 +17,8 @@ namespace textured_gaussians {
 
 struct DatasetOptions {
   int downscale = 1;  // whole number: photographs are reduced by a box filter
-  // RGB behind transparent photographs; without one: the data set's own, else white for NeRF-synthetic, else black.
+  // RGB behind transparent photographs; without one: the data set's own, else white for NeRF-synthetic, else black. An
+  // evaluation without one goes over the model's (evaluate.h).
   std::optional<std::array<float, 3>> background = {};
   int test_every = 8;  // every n-th photograph by name is held out, where the data set has no split; 0: none
 };
@@ -32,6 +34,9 @@ class Dataset {
   // [size()], those to train on first; Camera::test says which are held out.
   std::vector<Camera> cameras() const;
   std::array<float, 3> background() const;
+  // What reading it passed over or took otherwise than it was listed, such as photographs that are missing: a line
+  // each.
+  std::vector<std::string> warnings() const;
   // [height, width, 3] over the background. Throws Error(usage) for an index beyond size(), and what reading the file
   // throws.
   Image photograph(std::size_t index) const;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How close pictures of a model come to photographs.
 #pragma once
+#include <array>
 #include <functional>
 #include <optional>
 #include <string>
@@ -32,10 +33,15 @@ struct EvaluateOptions {
 struct Evaluation {
   std::vector<ViewScore> views;  // in the data set's order
   ViewScore mean;                // of every figure; its name is empty
+  // RGB behind transparent photographs and the model: DatasetOptions::background where the data set was loaded with
+  // one; else the model's, where it is known, as of a .tgz and of what has cameras; else Dataset::background().
+  std::array<float, 3> background = {0, 0, 0};
+  std::vector<std::string> warnings;  // of a model that was trained on others than these photographs, a line each
 };
 
-// Pictures are drawn over the data set's background and clamped to [0, 1]. Throws Error(usage) for a split without
-// photographs, and what decoding them throws.
+// As tgeval does it: the same numbers. Pictures are clamped to [0, 1]. Photographs are decoded anew where the
+// background is not Dataset::background(). Throws Error(usage) for a split without photographs, and what decoding them
+// throws.
 Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOptions& options = {});
 
 }  // namespace textured_gaussians

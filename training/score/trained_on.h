@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a model says of the photographs that it was trained on, for whoever scores it.
+#pragma once
+#include <glm/glm.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/bundle/bundle.h"
+#include "core/model/camera.h"
+
+namespace tg {
+
+struct TrainedOn {
+  std::optional<glm::vec3> background;  // none: nobody chose it
+  std::vector<Camera> cameras;          // which a data set that it is scored on should have, and as large; or none
+  bool knows_split = false;             // Camera::test of these says what was held out
+};
+TrainedOn trainedOn(const Bundle& bundle);
+
+// What to say of a model that is scored on `views` of a data set: that it was trained on other photographs, on such of
+// another size, or on test views; a line each, without the model's name.
+std::vector<std::string> notesOnViews(const TrainedOn& trained, const std::string& dataset,
+                                      std::span<const Camera> views);
+
+}  // namespace tg
