@@ -194,6 +194,21 @@ TEST_CASE("a run that was trained for a file goes on for that one alone", "[resu
   CHECK(bytesOf(folder / "a.sog") == bytesOf(folder / "b.sog"));
 }
 
+TEST_CASE("a run goes on to write what it wrote, by a name that is no UTF-8, too", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string settings = kBase + "--iterations 2 --run run -o ";
+  const std::string own = "own\xff.tgz", other = "own\xfe.tgz";
+  REQUIRE(tgtrain(folder, settings + own).code == 0);
+  const nlohmann::json listed = nlohmann::json::parse(contents(folder / "run/outputs.json"));
+  CHECK(listed["outputs"].at(0).size() == ("../" + own).size());
+  fs::copy(folder / own, folder / other);
+  const Outcome again = tgtrain(folder, settings + own + " --resume");
+  INFO(again.output);
+  CHECK(again.code == 0);
+  CHECK_THAT(tgtrain(folder, settings + other + " --resume").output, Contains("exists already"));
+}
+
 TEST_CASE("a run folder belongs to one process at a time", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

@@ -58,6 +58,26 @@ std::string pathFrom(const fs::path& folder, const fs::path& file) {
   return fs::absolute(file).lexically_normal().lexically_relative(fs::absolute(folder).lexically_normal()).string();
 }
 
+// JSON is UTF-8: of a name that is none the list has the bytes, since names that differ in those alone are two files.
+nlohmann::ordered_json jsonOf(const std::string& name) {
+  try {
+    requireUtf8(name, kOutputsName);
+    return name;
+  } catch (const Error&) {
+    return std::vector<std::uint8_t>(name.begin(), name.end());
+  }
+}
+
+std::string nameOf(const nlohmann::json& output, const JsonNode& node) {
+  if (output.is_string()) return output.get<std::string>();
+  const auto is_byte = [](const nlohmann::json& byte) {
+    return byte.is_number_unsigned() && byte.get<std::uint64_t>() <= 255;
+  };
+  if (!output.is_array() || !std::ranges::all_of(output, is_byte)) node.fail("outputs: expected paths");
+  const auto bytes = output.get<std::vector<std::uint8_t>>();
+  return {bytes.begin(), bytes.end()};
+}
+
 std::vector<std::string> outputsOf(const fs::path& folder) {
   const fs::path path = folder / kOutputsName;
   if (!fs::exists(path)) return {};
@@ -65,10 +85,7 @@ std::vector<std::string> outputsOf(const fs::path& folder) {
   const nlohmann::json listed = parseJson(readFile(path, kMostOutputsBytes), name);
   const JsonNode node{listed, name, ""};
   std::vector<std::string> outputs;
-  for (const nlohmann::json& output : node.list("outputs", kMostOutputs)) {
-    if (!output.is_string()) node.fail("outputs: expected paths");
-    outputs.push_back(output.get<std::string>());
-  }
+  for (const nlohmann::json& output : node.list("outputs", kMostOutputs)) outputs.push_back(nameOf(output, node));
   return outputs;
 }
 
@@ -156,7 +173,9 @@ void RunFolder::setOwn(const fs::path& file, bool own) const {
     std::erase(all, name);
   }
   if (all.size() > kMostOutputs) all.erase(all.begin());
-  writeTextAtomically(options_.folder / kOutputsName, dumpJson({{"outputs", all}}) + "\n");
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const std::string& output : all) list.push_back(jsonOf(output));
+  writeTextAtomically(options_.folder / kOutputsName, dumpJson({{"outputs", list}}) + "\n");
 }
 
 double RunFolder::seconds() const {
