@@ -33,6 +33,9 @@ std::unique_ptr<DifferentiableRenderer> openCuda(const std::string& device, std:
 // What loading a data set found worth saying, one line each on stderr.
 void printNotes(const std::string& folder, const Dataset& dataset);
 
+// As the file of --json: standard output, which then holds nothing else.
+constexpr const char* kStandardOutput = "-";
+
 // Throws Error(cannotWrite) when there is something at `path`, unless it may be replaced.
 void refuseExisting(const std::string& path, bool overwrite);
 

@@ -108,9 +108,10 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup&
 }
 
 int scoreOne(const tg::EvalOptions& options, const tg::EvalGroup& group) {
-  if (!options.json.empty()) {
-    tg::refuseExisting(options.json, options.overwrite);
+  const bool to_file = !options.json.empty() && options.json != tg::kStandardOutput;
+  if (to_file) {
     tg::requireWritable(options.json);
+    tg::refuseExisting(options.json, options.overwrite);
   }
   std::optional<tg::Lpips> lpips;
   if (!options.lpips.empty()) lpips.emplace(tg::Safetensors::read(options.lpips));
@@ -122,13 +123,14 @@ int scoreOne(const tg::EvalOptions& options, const tg::EvalGroup& group) {
   report.bytes = scene.bytes;
   if (options.effective_rank) {
     report.ranks = tg::effectiveRanks(scene.model->log_scale);
-    if (!options.quiet) std::fputs(tg::formatRanks(*report.ranks).c_str(), stdout);
+    if (options.talks()) std::fputs(tg::formatRanks(*report.ranks).c_str(), stdout);
   }
   if (!group.dataset.empty()) {
     report.views = score(options, group, scene, lpips);
-    if (!options.quiet) std::fputs(tg::formatScores(report).c_str(), stdout);
+    if (options.talks()) std::fputs(tg::formatScores(report).c_str(), stdout);
   }
-  if (!options.json.empty()) tg::writeTextAtomically(options.json, tg::formatEvalJson(report));
+  if (to_file) tg::writeTextAtomically(options.json, tg::formatEvalJson(report));
+  if (options.json == tg::kStandardOutput) std::fputs(tg::formatEvalJson(report).c_str(), stdout);
   const bool interrupted = report.views && report.views->scores.size() < report.views->asked;
   return interrupted ? 128 + stop_signal : 0;
 }
@@ -149,8 +151,8 @@ void refuseIdleFlags(const CLI::App& app, const tg::EvalOptions& options, const 
   if (!options.report.empty()) refuse({"--blocks"}, "is not of a report (expected no --report with it)");
   if (options.blocks.empty()) refuse({"--whole"}, "is compared at seams (expected --blocks with it)");
   if (options.lpips.empty()) refuse({"--lpips-range"}, "says how (expected --lpips with it)");
-  const bool writes =
-      !options.report.empty() || !options.json.empty() || !options.images.empty() || !options.side_by_side.empty();
+  const bool writes = !options.report.empty() || (!options.json.empty() && options.json != tg::kStandardOutput) ||
+                      !options.images.empty() || !options.side_by_side.empty();
   if (!writes) refuse({"--overwrite"}, "replaces files (expected an output with it)");
   if (!groups.back().dataset.empty() || !options.report.empty()) return;
   for (const CLI::Option* option : app.get_options()) {
@@ -221,7 +223,8 @@ int main(int argc, char** argv) {
     app.add_option("--whole", options.whole, "With --blocks: a model of the same scene that was trained unsplit")
         ->type_name("FILE");
     app.option_defaults()->group("What is written");
-    app.add_option("--json", options.json, "Write the numbers here")->type_name("FILE");
+    app.add_option("--json", options.json, "Write the numbers here; -: to standard output, without the table")
+        ->type_name("FILE");
     app.add_option("--images", options.images, "Write the renderings into this folder")->type_name("FOLDER");
     app.add_option("--side-by-side", options.side_by_side,
                    "Write photograph | rendering | FLIP error into this folder, as PNG")
@@ -250,7 +253,7 @@ int main(int argc, char** argv) {
     app.add_option("--threads", options.threads, "Threads (0: all cores)")->check(tg::within(0, 4096));
     tg::addExamples(app,
                     {{"tgeval model.tgz scene", "PSNR, SSIM and FLIP of every test view"},
-                     {"tgeval model.tgz scene --json scores.json --quiet", "for programs"},
+                     {"tgeval model.tgz scene --json - | jq .psnr", "for programs"},
                      {"tgeval model.tgz scene --side-by-side sides", "pictures beside their photographs"},
                      {"tgeval scene.sog scene --split all --images out", "renderings of all views"},
                      {"tgeval model.tgz scene --lpips vgg.safetensors", "LPIPS, too"},

@@ -49,7 +49,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   if (options.threads > 0) tg::setThreadCount(options.threads);
   tg::checkInput(photos);
   tg::Ledger ledger(photos.work);
-  tg::preparePhotosAloud(photos, ledger, options.quiet);
+  tg::preparePhotosAloud(photos, ledger, !options.talks());
 
   options.title = tg::nameOf("", options.dataset);
   options.dataset = photos.work.string();
@@ -66,7 +66,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   if (code != 0 || tg::stopRequested()) return code;
   if (!flags.no_open && !options.watch && tg::canShow()) {
     tg::showModel(options.output);
-  } else if (!options.quiet) {
+  } else if (options.talks()) {
     std::printf("tgview %s shows it\n", tg::shellWord(options.output).c_str());
   }
   return code;

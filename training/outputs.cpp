@@ -34,7 +34,7 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
   };
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
-    if (path.empty()) continue;
+    if (path.empty() || (&path == &paths.back() && path == kStandardOutput)) continue;
     const Format* format = &path == &paths.back() ? nullptr : &modelFormat(path);
     for (std::size_t j = 0; j < i; ++j) {
       if (!paths[j].empty() && placeOf(path) == placeOf(paths[j])) {
@@ -51,12 +51,12 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
       if (run.empty() || placeOf(path) != placeOf(run / own)) continue;
       throw Error(ErrorKind::usage, path, "is written in any case, by the run folder (expected another name)");
     }
-    refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
     if (format) {
       requireWritable(*format, path);
     } else {
       requireWritable(path);
     }
+    refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
   }
 }
 
@@ -128,7 +128,9 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
     report.textured.reset();
     save(options_.untextured_output, std::move(*result.untextured), settings, report, {});
   }
-  if (!options_.json.empty()) {
+  if (options_.json == kStandardOutput) {
+    std::fputs(training_json.c_str(), stdout);
+  } else if (!options_.json.empty()) {
     writeOutput(options_.json, [&](bool replace) {
       const KeepExisting no_other_run(!replace);
       writeTextAtomically(options_.json, training_json);

@@ -91,7 +91,7 @@ Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
   Dataset dataset = loadDataset(options.dataset, data_options);
   const Camera& camera = dataset.views.front();
   printNotes(options.dataset, dataset);
-  if (!options.quiet) {
+  if (options.talks()) {
     const std::size_t count = dataset.points.position.size();
     const std::string points = count > 0                     ? std::to_string(count) + " points"
                                : options.start_model.empty() ? "no points: random ones are the start"
@@ -198,7 +198,7 @@ void Training::load() {
   std::optional<Bundle> start = checkTraining(options_, together_ != nullptr);
   if (!options_.serve.empty()) {
     page_ = servePage(options_.serve, options_.serve_token, nameOf(options_.title, options_.dataset),
-                      {options_.dataset, options_.run.folder});
+                      {options_.dataset, options_.run.folder}, options_.json == kStandardOutput ? stderr : stdout);
   }
   run_ = openRunFolder(options_);
   checkOutputs(options_, run_ && run_->hasCheckpoint());
@@ -222,7 +222,7 @@ void Training::open() {
   if (!renderer_) renderer_ = makeCpuDifferentiableRenderer();
   context_ = contextOf(options_, dataset_);
   if (context_) renderer_ = withContext(std::move(renderer_), *context_);
-  if (!why_cpu_.empty() && !options_.quiet) std::printf("training on the CPU (%s)\n", why_cpu_.c_str());
+  if (!why_cpu_.empty() && options_.talks()) std::printf("training on the CPU (%s)\n", why_cpu_.c_str());
   handleStopSignals(requestStop);
 }
 
@@ -235,7 +235,7 @@ void Training::settle() {
     });
   }
   const std::string said = planRecipe(options_, trainingPixels(dataset_), start, !together_, settings_);
-  if (!said.empty() && !options_.quiet) std::printf("%s\n", said.c_str());
+  if (!said.empty() && options_.talks()) std::printf("%s\n", said.c_str());
   json_.downscale = options_.data.downscale;
   json_.threads = threadCount();
   json_.device = renderer_->deviceName();
@@ -255,7 +255,7 @@ std::optional<RunState> Training::begin() {
                 "file_steps: expected " + numberText(kLeastSteps) + " to " + numberText(kMostSteps) + ", found " +
                     numberText(steps));
   }
-  if (options_.run.resume && !state && !options_.quiet) {
+  if (options_.run.resume && !state && options_.talks()) {
     std::printf("%s: no checkpoint yet: training starts anew\n", options_.run.folder.c_str());
   }
   if (options_.watch) startViewer(run_->folder(), options_.dataset);
@@ -327,7 +327,7 @@ int Training::run() {
   const TrainReport report = result.report;
   TrainingOutputs outputs(options_, dataset_, settings_, run_.get());
   outputs.write(trainer, std::move(result), json_);
-  if (!options_.quiet) outputs.say(report);
+  if (options_.talks()) outputs.say(report);
   watchers.finish(trainer);
   // As a shell reports a program that the signal ended: what comes after `&&` is for finished models.
   // An order to stop is as Ctrl-C.

@@ -112,7 +112,10 @@ void addTrainingOptions(CLI::App& app, TrainFlags& options) {
                  "Write the untextured model too (implies --compare-untextured)")
       ->configurable(false)
       ->type_name("FILE");
-  app.add_option("--json", options.json, "Also write training.json here")->configurable(false)->type_name("FILE");
+  app.add_option("--json", options.json,
+                 "Also write training.json here; -: to standard output, which holds nothing else then")
+      ->configurable(false)
+      ->type_name("FILE");
   app.add_flag("--reproducible", options.reproducible,
                "No times and no memory in training.json: same seed, same bytes");
   app.add_flag("--overwrite", options.overwrite, "Replace existing files")->configurable(false);

@@ -36,6 +36,7 @@ struct TrainFlags {
   std::string serve, serve_token;
   std::string title;  // of the page; "": the data set's name
   bool quiet = false;
+  bool talks() const { return !quiet && json != kStandardOutput; }  // on standard output
   bool reproducible = false;
   bool print_config = false;
 };

@@ -390,10 +390,10 @@ void PageServer::showHeldOut(const std::string& name, Image photograph, Image pi
   pages_->give({nullptr, HeldOut{name, std::move(photograph), std::move(picture)}});
 }
 std::unique_ptr<PageServer> servePage(const std::string& where, const std::string& token, const std::string& title,
-                                      const std::vector<std::filesystem::path>& subject) {
+                                      const std::vector<std::filesystem::path>& subject, std::FILE* said) {
   auto page = std::make_unique<PageServer>(parseServe(where, token), title, subject);
-  std::printf("serving %s\n", page->url().c_str());
-  std::fflush(stdout);
+  std::fprintf(said, "serving %s\n", page->url().c_str());
+  std::fflush(said);
   return page;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include <atomic>
 #include <chrono>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -65,8 +66,8 @@ class PageServer {
   std::unique_ptr<Pages> pages_;
 };
 
-// The server of --serve and --serve-token; says its address on stdout. Throws what parseServe and PageServer throw.
+// The server of --serve and --serve-token; `said` gets its address. Throws what parseServe and PageServer throw.
 std::unique_ptr<PageServer> servePage(const std::string& where, const std::string& token, const std::string& title,
-                                      const std::vector<std::filesystem::path>& subject);
+                                      const std::vector<std::filesystem::path>& subject, std::FILE* said = stdout);
 
 }  // namespace tg

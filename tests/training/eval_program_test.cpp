@@ -79,6 +79,26 @@ TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
   CHECK_FALSE(readJson(folder / "shapes.json").contains("psnr"));
 }
 
+TEST_CASE("with --json - standard output holds the JSON alone", "[programs]") {
+  const tg::TemporaryFolder folder;
+  writeScene(folder, 2);
+  const auto said = [&](const std::string& program, const std::string& arguments) {
+    const Outcome outcome = run(folder, "'" + program + "' " + arguments + " --json - 2>said.txt");
+    INFO(arguments << ": " << outcome.output);
+    CHECK(outcome.code == 0);
+    CHECK_FALSE(fs::exists(folder / "-"));
+    REQUIRE(nlohmann::json::accept(outcome.output));
+    return nlohmann::json::parse(outcome.output);
+  };
+  CHECK(said(TG_TGEVAL, "model.ply scene --effective-rank")["views"].size() == 2);
+  const std::string train = "scene --iterations 2 --texture-iterations 2 --texture-size 2 --run run -o ";
+  CHECK(said(TG_TGTRAIN, train + "model.tgz")["format"] == "tgtrain-training");
+  CHECK(said(TG_TGTRAIN, train + "model.tgz --resume --serve 0")["format"] == "tgtrain-training");
+  CHECK_THAT(run(folder, "cat said.txt").output, Contains("serving http://"));
+  CHECK_THAT(tgeval(folder, "model.ply scene --json - --overwrite").output,
+             Contains("--overwrite: replaces files (expected an output with it)"));
+}
+
 TEST_CASE("tgeval tells of a model of other photographs, or of others' size", "[programs]") {
   const tg::TemporaryFolder folder;
   const auto tgtrain = [&](const std::string& arguments) { return run(folder, "'" TG_TGTRAIN "' " + arguments); };

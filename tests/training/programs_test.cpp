@@ -76,6 +76,7 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   CHECK(scores["psnr"].get<double>() == Approx(json["stages"]["textured"]["test_psnr"].get<double>()).margin(0.01));
   CHECK(tgeval(folder, "model.tgz scene --json scores.json").code == 4);
   CHECK(tgeval(folder, "model.tgz scene --quiet --json quiet.json").output.empty());
+  CHECK_THAT(tgeval(folder, "model.tgz scene --json /dev/null").output, Contains("is not a regular file"));
   CHECK(fs::exists(folder / "quiet.json"));
   CHECK(tgeval(folder, "absent.tgz scene").code == 2);
   CHECK(tgeval(folder, "model.tgz pictures").code == 3);
@@ -363,6 +364,7 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o m.tgz --json missing/m.json", 4, "missing/m.json: cannot write here"},
            {"-o m.tgz --untextured-output missing/p.tgz", 4, "missing/p.tgz: cannot write here"},
            {"-o m.tgz --json /dev/full --overwrite", 4, "/dev/full: exists and is not a regular file"},
+           {"-o m.tgz --json /dev/full", 4, "/dev/full: exists and is not a regular file"},
            {"-o " + std::string(300, 'x') + ".tgz", 4, "cannot write here"},
            {"-o missing/deep/lod-meta.json", 4, "missing/deep: cannot write here"},
            {"-o m.obj", 1, "m.obj: is no model format (expected .compressed.ply, "},
