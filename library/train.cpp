@@ -3,12 +3,14 @@
 #include "textured_gaussians/train.h"
 
 #include <algorithm>
+#include <iterator>
 #include <mutex>
 #include <vector>
 
 #include "core/system/nearest_name.h"
 #include "library/access.h"
 #include "training/run/trainer.h"
+#include "training/settings/idle.h"
 
 namespace textured_gaussians {
 namespace {
@@ -46,6 +48,16 @@ tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Mo
   return settings;
 }
 
+std::vector<std::string> warningsOf(const TrainOptions& options, const std::optional<Model>& start,
+                                    const tg::TrainSettings& settings) {
+  const auto chosen = [&](const tg::SettingEntry& entry) { return options.settings.contains(entry.name); };
+  std::vector<std::string> warnings = tg::idleSettings(settings, chosen, start.has_value(), false);
+  if (start && tg::isTextured(Access::bundle(*start)->model)) {
+    std::ranges::copy(tg::idlePastStage1(settings, chosen), std::back_inserter(warnings));
+  }
+  return warnings;
+}
+
 std::optional<tg::GaussianModel> startOf(const std::optional<Model>& start) {
   if (!start) return std::nullopt;
   return Access::bundle(*start)->model;
@@ -55,11 +67,14 @@ std::optional<tg::GaussianModel> startOf(const std::optional<Model>& start) {
 
 struct Trainer::Parts {
   Parts(const Dataset& dataset, const TrainOptions& options, const std::optional<Model>& start)
-      : data(Access::dataset(dataset)), trainer(*data, settingsOf(options, start), *renderer, startOf(start)) {}
+      : data(Access::dataset(dataset)),
+        trainer(*data, settingsOf(options, start), *renderer, startOf(start)),
+        warnings(warningsOf(options, start, trainer.settings())) {}
 
   std::shared_ptr<const tg::Dataset> data;
   std::unique_ptr<tg::DifferentiableRenderer> renderer = tg::makeCpuDifferentiableRenderer();
   tg::Trainer trainer;
+  const std::vector<std::string> warnings;
   std::mutex in_use;
 };
 
@@ -68,6 +83,8 @@ Trainer::Trainer(const Dataset& dataset, const TrainOptions& options, const std:
 Trainer::~Trainer() = default;
 Trainer::Trainer(Trainer&&) noexcept = default;
 Trainer& Trainer::operator=(Trainer&&) noexcept = default;
+
+std::vector<std::string> Trainer::warnings() const { return parts_->warnings; }
 
 bool Trainer::step() {
   const std::lock_guard lock(parts_->in_use);

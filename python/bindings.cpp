@@ -550,6 +550,8 @@ tgtrain's setting of this name, as "random".)")
       .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
            "One iteration; False: there was none left.")
       .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()))
+      .def_property_readonly("warnings", &Trainer::warnings,
+                             "Settings that do nothing beside the others or after the start model, a line each.")
       .def("model", &Trainer::model, py::call_guard<py::gil_scoped_release>(),
            "As it stands, with the data set's cameras and background: a copy.");
 }

@@ -229,11 +229,7 @@ void Training::open() {
 void Training::settle() {
   settings_ = settingsOf(options_);
   const GaussianModel* start = start_model_ ? &*start_model_ : nullptr;
-  if (start && isTextured(*start)) {  // which is past stage 1
-    warnIdle(options_, "a start model that has textures", [&](const SettingEntry& entry) {
-      return (entry.name == "iterations" && settings_.iterations > 0) || entry.name.starts_with("densif");
-    });
-  }
+  if (start && isTextured(*start)) warnIdlePastStage1(options_, settings_);
   const std::string said = planRecipe(options_, trainingPixels(dataset_), start, !together_, settings_);
   if (!said.empty() && options_.talks()) std::printf("%s\n", said.c_str());
   json_.downscale = options_.data.downscale;

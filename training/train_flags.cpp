@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <cstdio>
 #include <string_view>
+#include <vector>
 
 #include "converter/registry/file_format.h"
 #include "core/system/error.h"
 #include "core/system/program.h"
+#include "training/settings/idle.h"
 
 namespace tg {
 
@@ -190,69 +192,30 @@ void refuseIdleFlags(const CLI::App& app, const TrainFlags& options) {
   for (const char* flag : {"--metrics-every", "--eval-every"}) refuse(flag, "--run FOLDER or --serve");
 }
 
-void warnIdle(const TrainFlags& options, const std::string& why, const std::function<bool(const SettingEntry&)>& idle) {
-  std::string flags;
-  for (const auto& [entry, value] : options.chosen) {
-    if (value.empty() || !idle(*entry) || (!options.settings_file.empty() && !options.by_flag.contains(entry)))
-      continue;
-    flags += (flags.empty() ? "--" : ", --") + entry->name;
-  }
-  if (!flags.empty()) std::fprintf(stderr, "tgtrain: %s: does nothing with %s\n", flags.c_str(), why.c_str());
+namespace {
+
+ChosenSetting chosenByFlag(const TrainFlags& options) {
+  return [&](const SettingEntry& entry) {
+    const auto found = options.chosen.find(&entry);
+    return found != options.chosen.end() && !found->second.empty() &&
+           (options.settings_file.empty() || options.by_flag.contains(&entry));
+  };
 }
+
+void warn(const std::vector<std::string>& lines) {
+  for (const std::string& line : lines) std::fprintf(stderr, "tgtrain: %s\n", line.c_str());
+}
+
+}  // namespace
 
 void warnIdleSettings(const TrainFlags& options) {
   if (options.print_config || options.dataset.empty()) return;
-  const TrainSettings settings = settingsOf(options);
-  const bool by_adc = settings.densification == Densification::adc;
-  const bool textured = settings.texture_mode != TextureMode::none && settings.texture_iterations > 0;
-  const auto warn = [&](const std::string& why, const auto& idle) { warnIdle(options, why, idle); };
-  const auto is_of_stage_2 = [](const SettingEntry& entry) {
-    const std::string_view name = entry.name;
-    const bool is_of_stage = name == "texture-mode" || name == "texture-iterations";
-    return !is_of_stage && (name.starts_with("texture-") || name.find("texel") != name.npos);
-  };
-  const bool planned = options.target_bytes > 0 || !options.start_model.empty();  // what they have of textures
-  if (!textured && !planned) {
-    const bool none = settings.texture_mode == TextureMode::none;
-    warn(none ? "--texture-mode none" : "--texture-iterations 0", is_of_stage_2);
-  }
-  if (!options.start_model.empty()) {
-    warn("--start-model",
-         [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
-    if (settings.texture_iterations == 0 && options.target_bytes == 0) {
-      warn("--texture-iterations 0", [](const SettingEntry& entry) {
-        return entry.name == "adaptive-texels" || entry.name == "texture-dictionary";
-      });
-    }
-  }
-  const auto is_pixels = [](const SettingEntry& entry) { return entry.name == "pixels-per-texel"; };
-  if (textured && settings.texel_budget > 0) {
-    warn("--texel-budget", [&](const SettingEntry& entry) { return entry.name == "texture-size" || is_pixels(entry); });
-  } else if (textured && settings.texture_size > 0) {
-    warn("--texture-size", is_pixels);
-  }
-  if (settings.percent == 0) {
-    warn("a limit that is no share (--percent)",
-         [](const SettingEntry& entry) { return entry.name == "default-gaussians"; });
-  }
-  if (by_adc && settings.percent == 0 && settings.gaussians == 0 && options.target_bytes == 0) {
-    warn("no limit (--gaussians, --percent or --target-size)",
-         [](const SettingEntry& entry) { return entry.name == "limit-by"; });
-  }
-  if (settings.densification == Densification::none) {
-    warn("--densification none", [](const SettingEntry& entry) {
-      return entry.name.starts_with("densify-") && !entry.help.starts_with("adc: ");
-    });
-  }
-  if (!by_adc) {
-    const std::string densification(name(settings.densification));
-    warn("--densification " + densification, [](const SettingEntry& entry) { return entry.help.starts_with("adc: "); });
-  }
-  if (settings.densification != Densification::mcmc) {
-    const std::string densification(name(settings.densification));
-    warn("--densification " + densification,
-         [](const SettingEntry& entry) { return entry.help.starts_with("mcmc: "); });
-  }
+  warn(
+      idleSettings(settingsOf(options), chosenByFlag(options), !options.start_model.empty(), options.target_bytes > 0));
+}
+
+void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings) {
+  warn(idlePastStage1(settings, chosenByFlag(options)));
 }
 
 }  // namespace tg

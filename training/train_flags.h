@@ -49,11 +49,11 @@ void addTrainingOptions(CLI::App& app, TrainFlags& options);
 // What goes on in a run folder, and who may look at it.
 void addRunOptions(CLI::App& app, TrainFlags& options);
 
-// A line on stderr of the settings that flags, not a file, have given and `idle` is true of: "does nothing with WHY".
-void warnIdle(const TrainFlags& options, const std::string& why, const std::function<bool(const SettingEntry&)>& idle);
 // A flag that would do nothing is a mistake of whoever typed it: Error(usage).
 void refuseIdleFlags(const CLI::App& app, const TrainFlags& options);
 // Of the recipe, which files and presets name as a whole: what a flag says and no stage uses is a line on stderr.
 void warnIdleSettings(const TrainFlags& options);
+// The same of a start model that has textures.
+void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings);
 
 }  // namespace tg

@@ -325,6 +325,17 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   }
   CHECK(compared.progress().stage == "untextured");
   CHECK(compared.model().textureMode() == TextureMode::rgba);
+  CHECK(compared.warnings().empty());
+  Trainer past(dataset,
+               {.settings = {{"iterations", "30"},
+                             {"densify-every", "5"},
+                             {"texture-iterations", "1"},
+                             {"init-count", "9"},
+                             {"compare-untextured", "off"}}},
+               compared.model());
+  CHECK(past.warnings() ==
+        std::vector<std::string>{"--init-count: does nothing with --start-model",
+                                 "--iterations, --densify-every: does nothing with a start model that has textures"});
   Trainer second(dataset, options, first.model());
   CHECK(second.progress().psnr == 0);
   CHECK(second.model().size() == first.model().size());

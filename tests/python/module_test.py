@@ -361,6 +361,8 @@ class Training(Folder):
         self.assertTrue((trainer.model().means == start.means).all())
         none = tg.Model(*(np.zeros(shape) for shape in ((0, 3), (0, 4), (0, 3), 0, (0, 1, 3))))
         self.refused("bad_data", "start model: has no Gaussians", tg.Trainer, dataset, start=none)
+        idle = tg.Trainer(dataset, iterations=2, texture_mode="none", texture_size=4)
+        self.assertEqual(idle.warnings, ["--texture-size: does nothing with --texture-mode none"])
         random = tg.Trainer(dataset, start="random", init_count=77, iterations=1, texture_mode="none")
         self.assertEqual(random.progress.gaussians, 77)
         self.refused("usage", "start", tg.Trainer, dataset, start="nowhere")

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "textured_gaussians/dataset.h"
 #include "textured_gaussians/model.h"
@@ -44,6 +45,8 @@ class Trainer {
   // when no Gaussian is left or the loss is not finite, and what decoding a photograph throws.
   bool step();
   TrainProgress progress() const;
+  // Settings of TrainOptions that do nothing beside the others or after `start`, as tgtrain says it: a line each.
+  std::vector<std::string> warnings() const;
   // As it stands, with the data set's cameras and background: a copy. The textured one while its twin is trained.
   Model model() const;
 
