@@ -143,6 +143,17 @@ TextureAtlas texelsInSteps(const GaussianModel& model, const GaussianModel& base
   return atlas;
 }
 
+TextureAtlas withinReach(TextureAtlas atlas, const TexelSteps& steps) {
+  const Levels levels = levelsOf(8);
+  for (glm::vec4& texel : atlas.texels) {
+    for (int c = 0; c < 3; ++c) {
+      texel[c] = static_cast<float>(std::clamp(static_cast<double>(texel[c]), -levels.zero * steps.units[c],
+                                               (levels.largest - levels.zero) * steps.units[c]));
+    }
+  }
+  return atlas;
+}
+
 QuantizedPage quantizePage(const Image& page, const TexelSteps& steps) {
   const Levels levels = levelsOf(8);
   std::array<Range, 4> ranges;

@@ -34,6 +34,8 @@ TexelSteps texelStepsOf(const TextureAtlas& atlas, double step);
 // step times the power of 2 nearest to the texel's spread (converter/formats/texel_spread.h), and at least what is
 // stored. `base`: bakeFallback(model, FallbackScale::kept), whose opacities say how much a Gaussian weighs.
 TextureAtlas texelsInSteps(const GaussianModel& model, const GaussianModel& base, const TexelSteps& steps);
+// What a file of 8 bits holds of them: those that are further from neutral end where its numbers do.
+TextureAtlas withinReach(TextureAtlas atlas, const TexelSteps& steps);
 // Of what texelsInSteps made: 128 stands for 0 in colour, 255 for 1 in alpha.
 QuantizedPage quantizePage(const Image& page, const TexelSteps& steps);
 

@@ -141,9 +141,11 @@ class Writer {
   void addShape(bool textured, Baked baked);
   void addOpacity(Baked baked, std::string_view extension);
   void addColors(Baked baked);
-  void addDc();
-  Json addTextures(const GaussianModel& base, GltfReport& report);
-  void addSource(bool textured, GltfReport& report);
+  void addDc(const GaussianModel& stored);
+  TextureAtlas roundedTextures(const GaussianModel& base, const TexelSteps& steps) const;
+  // `stored`: the model, with `steps` what withRoundedTextures made of it; outlives the writing.
+  Json addTextures(const GaussianModel& stored, const std::optional<TexelSteps>& steps, GltfReport& report);
+  void addSource(Baked textured, GltfReport& report);
   void addScene(Json nested);
 
   GltfBuilder builder;
@@ -213,7 +215,7 @@ void Writer::addShape(bool textured, Baked baked) {
 }
 
 void Writer::addOpacity(Baked baked, std::string_view extension) {
-  const bool stand_in = baked && hasAlpha(model_.texture_mode);
+  const bool stand_in = baked && extension == kSplatExtension && hasAlpha(model_.texture_mode);
   const MeshoptFilter& filter = stand_in ? filters_.base_opacity : filters_.opacity;
   const std::string semantic = attributeName(extension, "OPACITY");
   const auto opacity = [](const GaussianModel& model, std::size_t i) { return gltfOpacity(model.opacity_logit[i]); };
@@ -270,11 +272,11 @@ void Writer::addColors(Baked baked) {
   }
 }
 
-void Writer::addDc() {
-  const std::size_t count = model_.shCount();
+void Writer::addDc(const GaussianModel& stored) {
   add<glm::vec3>(
       attributeName(kTextureExtension, "SH_DEGREE_0_COEF_0"), kFloat3,
-      [count](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; }, filters_.dc);
+      [count = stored.shCount()](const GaussianModel& model, std::size_t i) { return model.sh[i * count]; },
+      filters_.dc, &stored);
 }
 
 int bitsOf(AtlasFormat format) { return format == AtlasFormat::png16 ? 16 : 8; }
@@ -341,9 +343,9 @@ static_assert(kFieldCount == 5, "the new parameter has no attribute: here, kSour
 
 // The numbers the model came with, beside those glTF has words for. An attribute is left out where nothing would
 // change.
-void Writer::addSource(bool textured, GltfReport& report) {
+void Writer::addSource(Baked textured, GltfReport& report) {
   if (content_.options.lean || content_.options.quantize) return;
-  const Changed changed = changedByGltf(gaussians_, model_, textured);
+  const Changed changed = changedByGltf(gaussians_, model_, textured != nullptr);
   if (limited_ && builder.binaryBytes() + kSourceBytes * gaussians_.size() > kMaxBinaryBytes) {
     report.dropped_source = changed.rotation || changed.log_scale || changed.opacity;
     return;
@@ -357,7 +359,9 @@ void Writer::addSource(bool textured, GltfReport& report) {
                    [](const GaussianModel& model, std::size_t i) { return model.log_scale[i]; });
   }
   if (changed.opacity) {
-    add<float>(kSourceLogit, kFloat1, [](const GaussianModel& model, std::size_t i) { return model.opacity_logit[i]; });
+    add<float>(
+        kSourceLogit, kFloat1, [](const GaussianModel& model, std::size_t i) { return model.opacity_logit[i]; }, {},
+        textured);
   }
 }
 
@@ -396,18 +400,16 @@ Json Writer::addAtlas(Image& page, const std::string& name, const std::optional<
   return atlas;
 }
 
+TextureAtlas Writer::roundedTextures(const GaussianModel& base, const TexelSteps& steps) const {
+  if (!areShared(model_.atlas, textureGroups(model_.atlas))) return texelsInSteps(model_, base, steps);
+  GaussianModel opaque = base;  // what Gaussians share is rounded alike, as for the most opaque one
+  std::ranges::fill(opaque.opacity_logit, static_cast<float>(kLogitLimit));
+  return texelsInSteps(model_, opaque, steps);
+}
+
 // Atlases and rectangles. Returns the extension object; images are the last thing in the buffer.
-Json Writer::addTextures(const GaussianModel& base, GltfReport& report) {
-  std::optional<TexelSteps> steps;
-  if (content_.options.texture_step) steps = texelStepsOf(model_.atlas, textureStep(content_.options));
-  const std::vector<std::uint32_t> groups = textureGroups(model_.atlas);
-  const auto rounded = [&] {
-    if (!areShared(model_.atlas, groups)) return texelsInSteps(model_, base, *steps);
-    GaussianModel opaque = base;  // what Gaussians share is rounded alike, as for the most opaque one
-    std::ranges::fill(opaque.opacity_logit, static_cast<float>(kLogitLimit));
-    return texelsInSteps(model_, opaque, *steps);
-  };
-  PackedAtlas packed = packOnce(steps ? rounded() : model_.atlas, groups);
+Json Writer::addTextures(const GaussianModel& stored, const std::optional<TexelSteps>& steps, GltfReport& report) {
+  PackedAtlas packed = packOnce(stored.atlas, textureGroups(model_.atlas));
   // Fills outlive this function.
   const auto placements = std::make_shared<const std::vector<AtlasPlacement>>(std::move(packed.placements));
   add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle,
@@ -420,7 +422,7 @@ Json Writer::addTextures(const GaussianModel& base, GltfReport& report) {
                       [placements](const GaussianModel&, std::size_t i) { return (*placements)[i].page; });
   }
   for (const AtlasPlacement& p : *placements) report.texels += std::uint64_t{p.w} * p.h;
-  addSource(true, report);
+  addSource(&stored, report);
 
   constexpr int linear = 9729, clamp = 33071;
   builder.document["samplers"] =
@@ -476,6 +478,17 @@ void Writer::addScene(Json nested) {
   if (!content_.views.empty()) extras["views"] = listViews(content_.views);
 }
 
+// The model with these texels and the colours and opacities to use with them: what rounding takes from the mean of a
+// texture stays in its Gaussian.
+GaussianModel withRoundedTextures(const GaussianModel& model, TextureAtlas rounded, const TexelSteps& steps) {
+  GaussianModel own = bakeFallback(model, FallbackScale::kept);
+  own.texture_mode = model.texture_mode;
+  own.atlas = withinReach(rounded, steps);
+  removeFallback(own, FallbackScale::kept);
+  own.atlas = std::move(rounded);
+  return own;
+}
+
 GltfReport write(const std::filesystem::path& path, const GltfContent& content, bool binary) {
   const GaussianModel& model = content.model;
   const ModelBlocks own(model);
@@ -497,12 +510,19 @@ GltfReport write(const std::filesystem::path& path, const GltfContent& content, 
   writer.addOpacity(baked, kSplatExtension);
   writer.addColors(baked);
   Json nested;
+  GaussianModel in_steps;  // outlives the writing
   if (textured) {
-    if (hasAlpha(model.texture_mode) || given) writer.addOpacity(nullptr, kTextureExtension);
-    if (hasColor(model.texture_mode) || given) writer.addDc();
-    nested = writer.addTextures(base, report);
+    std::optional<TexelSteps> steps;
+    if (content.options.texture_step) {
+      steps = texelStepsOf(model.atlas, textureStep(content.options));
+      in_steps = withRoundedTextures(model, writer.roundedTextures(base, *steps), *steps);
+    }
+    const GaussianModel& stored = steps ? in_steps : model;
+    if (hasAlpha(model.texture_mode) || given) writer.addOpacity(&stored, kTextureExtension);
+    if (hasColor(model.texture_mode) || given) writer.addDc(stored);
+    nested = writer.addTextures(stored, steps, report);
   } else {
-    writer.addSource(false, report);
+    writer.addSource(nullptr, report);
   }
   writer.addScene(std::move(nested));
   report.output_bytes =

@@ -169,6 +169,30 @@ TEST_CASE("texels in steps are rounded once, by at most what their weight allows
         0.004 * static_cast<double>(atlas.texels.size()));  // beyond a percentile of 3
 }
 
+TEST_CASE("what rounding takes from the mean of a texture stays in its Gaussian") {
+  const Scratch scratch;
+  GaussianModel model = test::makeScene(SceneKind::mixed, 74, 200).model;
+  model.texture_mode = GENERATE(TextureMode::rgba, TextureMode::rgb, TextureMode::alpha);
+  // Opacities stay below 1 whatever is taken from alpha.
+  for (float& logit : model.opacity_logit) logit = std::min(logit, 0.0f);
+  for (glm::vec4& texel : model.atlas.texels) texel.a = 0.7f + 0.3f * texel.a;
+  const auto path = scratch.folder() / "a.glb";
+  writeGlb(path, {model, {}, glm::vec3(0.0f), {.texture_step = 0.25f}});
+  const GaussianModel out = readGltf(path).model;
+  REQUIRE(out.atlas.texels != model.atlas.texels);
+  const GaussianModel before = bakeFallback(model, FallbackScale::kept), after = bakeFallback(out, FallbackScale::kept);
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    CAPTURE(name(model.texture_mode), i);
+    const glm::vec3 d = glm::abs(after.sh[i * after.shCount()] - before.sh[i * before.shCount()]);
+    REQUIRE(std::max({d.x, d.y, d.z}) < 1e-4f);
+    REQUIRE(std::abs(opacityOf(after, i) - opacityOf(before, i)) < 1e-5);
+    const TextureRect rect = model.atlas.rects[i];
+    if (rect.texelCount() > 0) continue;
+    REQUIRE(out.opacity_logit[i] == model.opacity_logit[i]);
+    REQUIRE(out.sh[i * out.shCount()] == model.sh[i * model.shCount()]);
+  }
+}
+
 TEST_CASE("steps want atlases of 8 bits, and say so") {
   const Scratch scratch;
   const GaussianModel model = test::makeScene(SceneKind::ordinary, 73, 20).model;
