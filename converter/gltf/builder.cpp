@@ -23,6 +23,7 @@ constexpr std::uint64_t kMaxGlbBytes = 0xFFFFFFFFull;  // the header's 32 bits
 constexpr std::size_t kBlock = 512;                    // Gaussians: with SH of degree 3 they stay in a core's cache
 constexpr std::size_t kWrittenBlock = 64 * kBlock;     // that are written at once
 constexpr int kArrayBuffer = 34962;
+constexpr std::size_t kFewGaussians = 16384;  // whose packed attributes stand in one view
 
 std::uint64_t aligned(std::uint64_t bytes) { return (bytes + 3) / 4 * 4; }
 
@@ -112,24 +113,24 @@ std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, Mes
   const std::size_t index = document["accessors"].size();
   ElementType stored = element;
   std::vector<Bounds> bounds(ends_.size());
+  Place place;
   if (meshopt_) {
     if (filter.kind == MeshoptFilter::Kind::quaternion) stored = {element.type, 5122, true, 8};
-    addPacked(element, fill, filter, bounded ? &bounds : nullptr);
+    place = addPacked(element, fill, filter, bounded ? &bounds : nullptr);
   } else {
     const std::uint64_t bytes = std::uint64_t{gaussians_.size()} * element.stride();
     const std::uint64_t offset = reserve(bytes);
-    addView(offset, bytes);
+    place = {addView(offset, bytes), 0, element.stride()};
     Json& view = document["bufferViews"].back();
     // Required where several accessors use a view.
     if (element.stride() != element.bytes || ends_.size() > 1) view["byteStride"] = element.stride();
     view["target"] = kArrayBuffer;
     attributes_.push_back({offset, element.stride(), std::move(fill), bounded, index});
   }
-  const std::size_t stride = document["bufferViews"].back().value("byteStride", element.stride());
   for (std::size_t p = 0; p < ends_.size(); ++p) {
     const std::size_t first = p == 0 ? 0 : ends_[p - 1];
-    Json accessor = {{"bufferView", document["bufferViews"].size() - 1}};
-    if (first > 0) accessor["byteOffset"] = first * stride;
+    Json accessor = {{"bufferView", place.view}};
+    if (const std::size_t offset = place.offset + first * place.stride; offset > 0) accessor["byteOffset"] = offset;
     accessor["componentType"] = stored.component_type;
     if (stored.normalized) accessor["normalized"] = true;
     accessor["count"] = ends_[p] - first;
@@ -142,8 +143,8 @@ std::size_t GltfBuilder::addAttribute(const ElementType& element, Fill fill, Mes
   return index;
 }
 
-void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter,
-                            std::vector<Bounds>* bounds) {
+GltfBuilder::Place GltfBuilder::addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter,
+                                          std::vector<Bounds>* bounds) {
   const std::size_t count = gaussians_.size();
   std::vector<std::uint8_t> bytes(count * element.stride());
   std::vector<GaussianBlocks::Scratch> scratch(static_cast<std::size_t>(threadCount()));
@@ -156,30 +157,56 @@ void GltfBuilder::addPacked(const ElementType& element, const Fill& fill, Meshop
       });
   if (filter.kind == MeshoptFilter::Kind::fixed) roundToSteps(bytes, filter.exponent);
   if (bounds) addBounds(*bounds, 0, bytes);
-  PackedView packed = packMeshopt(bytes, count, element.stride(), filter);
-  const char* filters[] = {"NONE", "QUATERNION", "EXPONENTIAL", "EXPONENTIAL"};
-  const std::uint64_t size = packed.bytes.size();
-  const std::uint64_t offset = reserve(size);
-  const std::uint64_t unpacked = std::uint64_t{count} * packed.stride;
-  Json view = {{"buffer", 1},
-               {"byteOffset", unpacked_bytes_},
-               {"byteLength", unpacked},
-               {"byteStride", packed.stride},
-               {"target", kArrayBuffer}};
-  view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
-                                                   {"byteOffset", offset},
-                                                   {"byteLength", size},
-                                                   {"byteStride", packed.stride},
-                                                   {"count", count},
-                                                   {"mode", "ATTRIBUTES"},
-                                                   {"filter", filters[static_cast<int>(filter.kind)]}};
-  unpacked_bytes_ += unpacked;
-  document["bufferViews"].push_back(std::move(view));
-  addBlob(std::move(packed.bytes), offset);
+  FilteredView filtered = filterForMeshopt(std::move(bytes), element.stride(), filter);
+  const auto open = std::ranges::find_if(open_views_, [&](const OpenView& view) {
+    return view.stride == filtered.stride && view.filter == filtered.filter;
+  });
+  if (open != open_views_.end()) {
+    const Place place{open->view, open->elements.size(), open->stride};
+    open->elements.insert(open->elements.end(), filtered.bytes.begin(), filtered.bytes.end());
+    return place;
+  }
+  Json& views = document["bufferViews"];
+  views.push_back(nullptr);
+  open_views_.push_back({views.size() - 1, filtered.stride, filtered.filter, std::move(filtered.bytes)});
+  const Place place{open_views_.back().view, 0, open_views_.back().stride};
+  if (count > kFewGaussians) packViews();
+  return place;
+}
+
+void GltfBuilder::packViews() {
+  for (const OpenView& open : open_views_) {
+    std::vector<std::uint8_t> packed = packMeshopt(open.elements, open.stride);
+    const std::uint64_t size = packed.size();
+    const std::uint64_t offset = reserve(size);
+    Json& view = document["bufferViews"][open.view];
+    view = {{"buffer", 1},
+            {"byteOffset", unpacked_bytes_},
+            {"byteLength", open.elements.size()},
+            {"byteStride", open.stride},
+            {"target", kArrayBuffer}};
+    view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                     {"byteOffset", offset},
+                                                     {"byteLength", size},
+                                                     {"byteStride", open.stride},
+                                                     {"count", open.elements.size() / open.stride},
+                                                     {"mode", "ATTRIBUTES"},
+                                                     {"filter", open.filter}};
+    unpacked_bytes_ += open.elements.size();
+    addBlob(std::move(packed), offset);
+  }
+  open_views_.clear();
+}
+
+std::uint64_t GltfBuilder::binaryBytes() const {
+  std::uint64_t bytes = binary_bytes_;
+  for (const OpenView& open : open_views_) bytes += open.elements.size();
+  return bytes;
 }
 
 std::size_t GltfBuilder::addImage(std::vector<std::uint8_t> file, const std::string& mime_type,
                                   const std::string& name) {
+  packViews();  // images are the last thing in the buffer
   const std::uint64_t size = file.size();
   const std::uint64_t offset = reserve(size);
   const std::size_t view = addView(offset, size);
@@ -247,6 +274,7 @@ Json GltfBuilder::buffers(Json first) const {
 }
 
 std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
+  packViews();
   document["buffers"] = buffers({{"byteLength", binary_bytes_}});
   // Bounds are known once the numbers behind this text have been written, and are no longer than the ones in it now.
   const std::uint64_t text_bytes = aligned(textOf(document).size());
@@ -270,6 +298,7 @@ std::uint64_t GltfBuilder::writeGlb(const std::filesystem::path& path) {
 }
 
 std::uint64_t GltfBuilder::writeGltf(const std::filesystem::path& path, bool replace) {
+  packViews();
   const std::string stem = path.stem().string();
   const std::filesystem::path folder = path.parent_path();
   std::uint64_t total = 0;

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "converter/formats/gaussian_blocks.h"
@@ -48,8 +49,9 @@ class GltfBuilder {
   // library was not there to build with.
   explicit GltfBuilder(const GaussianBlocks& gaussians, bool meshopt = false, std::span<const std::size_t> parts = {});
 
-  // A view with an accessor for each primitive; the first one's index, the others follow. `bounded`: with min and max,
-  // of floats that are not packed lossily.
+  // An accessor for each primitive; the first one's index, the others follow. `bounded`: with min and max, of floats
+  // that are not packed lossily. Packed attributes of few Gaussians stand one after the other in a view for all that
+  // are of one stride and filter: JSON and what every stream costs are a part of small files that counts.
   std::size_t addAttribute(const ElementType& element, Fill fill, MeshoptFilter filter = {}, bool bounded = false);
   // A file inside the buffer; the index of its image.
   std::size_t addImage(std::vector<std::uint8_t> file, const std::string& mime_type, const std::string& name);
@@ -60,8 +62,8 @@ class GltfBuilder {
   // are there already; otherwise they are an error. The sum of their sizes.
   std::uint64_t writeGltf(const std::filesystem::path& path, bool replace);
   std::size_t primitives() const { return ends_.size(); }
-  // What either would write, but for the JSON [bytes].
-  std::uint64_t binaryBytes() const { return binary_bytes_; }
+  // What either would write, but for the JSON, and of packed attributes at most [bytes].
+  std::uint64_t binaryBytes() const;
 
   nlohmann::ordered_json document;
 
@@ -87,7 +89,22 @@ class GltfBuilder {
   void addBounds(std::vector<Bounds>& bounds, std::size_t first, std::span<const std::uint8_t> bytes) const;
   std::uint64_t reserve(std::uint64_t bytes);
   std::size_t addView(std::uint64_t offset, std::uint64_t bytes);
-  void addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter, std::vector<Bounds>* bounds);
+  // Attributes that are packed together.
+  struct OpenView {
+    std::size_t view = 0;
+    std::size_t stride = 0;
+    std::string_view filter;
+    std::vector<std::uint8_t> elements;
+  };
+  // Where the elements lie.
+  struct Place {
+    std::size_t view = 0;
+    std::size_t offset = 0;  // [bytes]
+    std::size_t stride = 0;
+  };
+  Place addPacked(const ElementType& element, const Fill& fill, MeshoptFilter filter, std::vector<Bounds>* bounds);
+  // Packs those that are open: nothing is added to them any more.
+  void packViews();
   void addBlob(std::vector<std::uint8_t> bytes, std::uint64_t offset);
   // The binary part at `base` of a file, in one pass over the Gaussians, and then the document's bounds.
   void writeBinary(const FileWriter& file, std::uint64_t base, bool with_images);
@@ -100,6 +117,7 @@ class GltfBuilder {
   std::uint64_t unpacked_bytes_ = 0;  // of the buffer that packed views stand for
   std::vector<Attribute> attributes_;
   std::vector<Blob> blobs_;
+  std::vector<OpenView> open_views_;
 };
 
 }  // namespace tg

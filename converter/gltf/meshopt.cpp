@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -103,38 +104,38 @@ void encodeSingleFloats(void* to, std::size_t count, int bits, const float* from
 
 bool hasMeshopt() { return true; }
 
-PackedView packMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, std::size_t stride,
-                       const MeshoptFilter& filter) {
-  TG_ASSERT(stride % 4 == 0 && stride > 0 && stride <= 256, "strides are multiples of 4, up to 256");
-  TG_ASSERT(bytes.size() == count * stride, "the elements fill the bytes");
-  PackedView packed;
-  packed.stride = stride;
-  std::vector<std::uint8_t> filtered;
-  std::span<const std::uint8_t> from = bytes;
+FilteredView filterForMeshopt(std::vector<std::uint8_t> bytes, std::size_t stride, const MeshoptFilter& filter) {
+  TG_ASSERT(stride > 0 && bytes.size() % stride == 0, "the elements fill the bytes");
+  if (filter.kind == MeshoptFilter::Kind::none) return {std::move(bytes), stride, "NONE"};
+  const std::size_t count = bytes.size() / stride;
   const auto* floats = reinterpret_cast<const float*>(bytes.data());
+  FilteredView view{{}, stride, "EXPONENTIAL"};
   if (filter.kind == MeshoptFilter::Kind::quaternion) {
-    packed.stride = 4 * sizeof(std::int16_t);
-    filtered.resize(count * packed.stride);
-    meshopt_encodeFilterQuat(filtered.data(), count, packed.stride, filter.rounded ? 16 : filter.bits, floats);
-    if (filter.rounded) roundComponents(filtered, filter.bits);
-    from = filtered;
+    view.stride = 4 * sizeof(std::int16_t);
+    view.filter = "QUATERNION";
+    view.bytes.resize(count * view.stride);
+    meshopt_encodeFilterQuat(view.bytes.data(), count, view.stride, filter.rounded ? 16 : filter.bits, floats);
+    if (filter.rounded) roundComponents(view.bytes, filter.bits);
   } else if (filter.kind == MeshoptFilter::Kind::exponential) {
     // A power of 2 that no rounding of a mantissa makes infinite.
-    std::vector<float> within(floats, floats + count * stride / sizeof(float));
+    std::vector<float> within(floats, floats + bytes.size() / sizeof(float));
     for (float& number : within) number = std::clamp(number, -0x1p127f, 0x1p127f);
-    filtered.resize(count * stride);
-    encodeSingleFloats(filtered.data(), within.size(), filter.bits, within.data());
-    from = filtered;
+    view.bytes.resize(bytes.size());
+    encodeSingleFloats(view.bytes.data(), within.size(), filter.bits, within.data());
+  } else {
+    view.bytes.resize(bytes.size());
+    encodeFixed(view.bytes.data(), bytes, filter.exponent);
   }
-  if (filter.kind == MeshoptFilter::Kind::fixed) {
-    filtered.resize(count * stride);
-    encodeFixed(filtered.data(), bytes, filter.exponent);
-    from = filtered;
-  }
+  return view;
+}
+
+std::vector<std::uint8_t> packMeshopt(std::span<const std::uint8_t> elements, std::size_t stride) {
+  TG_ASSERT(stride % 4 == 0 && stride > 0 && stride <= 256, "strides are multiples of 4, up to 256");
+  TG_ASSERT(elements.size() % stride == 0, "the elements fill the bytes");
+  const std::size_t count = elements.size() / stride;
   meshopt_encodeVertexVersion(0);  // what the extension knows
-  packed.bytes.resize(meshopt_encodeVertexBufferBound(count, packed.stride));
-  packed.bytes.resize(
-      meshopt_encodeVertexBuffer(packed.bytes.data(), packed.bytes.size(), from.data(), count, packed.stride));
+  std::vector<std::uint8_t> packed(meshopt_encodeVertexBufferBound(count, stride));
+  packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), elements.data(), count, stride));
   return packed;
 }
 
@@ -178,7 +179,11 @@ std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std
 
 bool hasMeshopt() { return false; }
 
-PackedView packMeshopt(std::span<const std::uint8_t>, std::size_t, std::size_t, const MeshoptFilter&) {
+FilteredView filterForMeshopt(std::vector<std::uint8_t>, std::size_t, const MeshoptFilter&) {
+  throw Error(ErrorKind::usage, std::string(missingMeshopt()));
+}
+
+std::vector<std::uint8_t> packMeshopt(std::span<const std::uint8_t>, std::size_t) {
   throw Error(ErrorKind::usage, std::string(missingMeshopt()));
 }
 

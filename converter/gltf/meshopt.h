@@ -20,15 +20,17 @@ std::string_view missingMeshopt();
 // few bits for, to multiples of larger powers of 2, each of its own.
 void roundToSteps(std::span<std::uint8_t> floats, int exponent);
 
-// `bytes`: count elements of `stride` (a multiple of 4, at most 256) bytes each. With a filter, `bytes` are floats:
-// 4 a quaternion x y z w (packed as 4 normalised shorts), or any number of them; with `fixed` rounded already. Throws
-// Error(usage) without the library.
-struct PackedView {
+// What a view holds in the extension's words, before the codec.
+struct FilteredView {
   std::vector<std::uint8_t> bytes;
-  std::size_t stride = 0;  // of the unpacked elements
+  std::size_t stride = 0;  // of an element
+  std::string_view filter;
 };
-PackedView packMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, std::size_t stride,
-                       const MeshoptFilter& filter);
+// `bytes`: elements of `stride` bytes each. With a filter they are floats: 4 a quaternion x y z w (that become 4
+// normalised shorts), or any number of them; with `fixed` rounded already. Throws Error(usage) without the library.
+FilteredView filterForMeshopt(std::vector<std::uint8_t> bytes, std::size_t stride, const MeshoptFilter& filter);
+// Elements of `stride` (a multiple of 4, at most 256) bytes each, packed. Throws likewise.
+std::vector<std::uint8_t> packMeshopt(std::span<const std::uint8_t> elements, std::size_t stride);
 
 // The unpacked view, [count * stride]. `mode` and `filter` as the extension spells them. Throws Error(badData, path,
 // ...) for a stream that is broken, a mode or filter that does not exist, and without the library. The caller bounds

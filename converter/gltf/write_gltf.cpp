@@ -108,6 +108,20 @@ PackedAtlas packOnce(const TextureAtlas& atlas, std::span<const std::uint32_t> g
   return packed;
 }
 
+// Gaussians without a texture get the rectangle before theirs with no height: the codec packs differences.
+void repeatRectangles(std::vector<AtlasPlacement>& placements) {
+  const auto is_textured = [](const AtlasPlacement& p) { return p.w != 0; };
+  AtlasPlacement before = *std::ranges::find_if(placements, is_textured);
+  for (AtlasPlacement& p : placements) {
+    if (is_textured(p)) {
+      before = p;
+    } else {
+      p = before;
+      p.h = 0;
+    }
+  }
+}
+
 // Collects the parts of one file. Names of attributes are in the order of the file.
 class Writer {
  public:
@@ -410,6 +424,7 @@ TextureAtlas Writer::roundedTextures(const GaussianModel& base, const TexelSteps
 // Atlases and rectangles. Returns the extension object; images are the last thing in the buffer.
 Json Writer::addTextures(const GaussianModel& stored, const std::optional<TexelSteps>& steps, GltfReport& report) {
   PackedAtlas packed = packOnce(stored.atlas, textureGroups(model_.atlas));
+  if (content_.options.meshopt) repeatRectangles(packed.placements);
   // Fills outlive this function.
   const auto placements = std::make_shared<const std::vector<AtlasPlacement>>(std::move(packed.placements));
   add<std::array<std::uint16_t, 4>>(attributeName(kTextureExtension, "RECT"), kRectangle,

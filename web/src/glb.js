@@ -45,6 +45,7 @@ class GlbFile {
     if (20 + jsonBytes > bytes.length) throw new Error('the JSON of the GLB leaves the file');
     this.json = Object(JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes))));
     this.binary = bytes.subarray(Math.min(20 + jsonBytes + 8, bytes.length));
+    this.unpacked = new Map();  // views by index: several accessors may look into one
   }
 
   list(key) { return Array.isArray(this.json[key]) ? this.json[key] : []; }
@@ -55,7 +56,8 @@ class GlbFile {
     const packed = view.extensions && view.extensions[MESHOPT];
     if (packed) {
       const source = this.range(packed, `/bufferViews/${index}/extensions/${MESHOPT}`);
-      return {bytes: await unpackMeshopt(packed, source), stride: packed.byteStride};
+      if (!this.unpacked.has(index)) this.unpacked.set(index, await unpackMeshopt(packed, source));
+      return {bytes: this.unpacked.get(index), stride: packed.byteStride};
     }
     if (view.extensions) throw new Error(`/bufferViews/${index}: compressed data is not supported`);
     return {bytes: this.range(view, `/bufferViews/${index}`), stride: view.byteStride || 0};

@@ -2,6 +2,7 @@
 // What is written follows KHR_gaussian_splatting and docs/gltf.md to the letter.
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "converter/check.h"
 #include "converter/edit/quality.h"
@@ -92,6 +93,52 @@ TEST_CASE("several primitives share their views, have bounds of their own, and a
     CHECK(back.rotation == whole.rotation);
     CHECK(back.log_scale == whole.log_scale);
     CHECK(back.atlas.texels == whole.atlas.texels);
+  }
+}
+
+TEST_CASE("packed attributes of few Gaussians share a view for each stride and filter") {
+  TG_SKIP_IF(hasMeshopt() ? std::string() : std::string(missingMeshopt()));
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.glb";
+  const GaussianModel model = test::makeScene(SceneKind::ordinary, 24, 40).model;
+  writeGlb(path, {model, {}, glm::vec3(0.0f), {.quantize = true, .meshopt = true}});
+  const Glb glb = Glb::read(path);
+  std::map<std::pair<std::size_t, std::string>, std::size_t> views;
+  for (const auto& view : glb.json["bufferViews"]) {
+    if (!view.contains("extensions")) continue;
+    const auto& packed = view["extensions"]["EXT_meshopt_compression"];
+    ++views[{packed["byteStride"].get<std::size_t>(), packed["filter"].get<std::string>()}];
+    CHECK(view["byteLength"] == packed["count"].get<std::size_t>() * packed["byteStride"].get<std::size_t>());
+  }
+  for (const auto& [kind, count] : views) CHECK(count == 1);
+  CHECK(glb.json["meshes"][0]["primitives"][0]["attributes"].size() > 2 * views.size());
+  CHECK(checkFile(path).errors.empty());
+}
+
+TEST_CASE("packed rectangles of Gaussians without a texture cost little, and come back as none") {
+  TG_SKIP_IF(hasMeshopt() ? std::string() : std::string(missingMeshopt()));
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.glb";
+  GaussianModel model = test::makeScene(SceneKind::ordinary, 25, 600).model;
+  model.atlas = makeUniformAtlas(model.size(), 4, 4);
+  test::Random random(25);
+  for (TextureRect& rect : model.atlas.rects) {
+    if (random.uniform(0.0, 1.0) < 0.5) rect = {};
+  }
+  writeGlb(path, {model, {}, glm::vec3(0.0f), {.quantize = true, .meshopt = true}});
+  const Glb glb = Glb::read(path);
+  for (const auto& view : glb.json["bufferViews"]) {
+    if (!view.contains("extensions")) continue;
+    const auto& packed = view["extensions"]["EXT_meshopt_compression"];
+    if (packed["byteStride"] != 8 || packed["filter"] != "NONE") continue;
+    REQUIRE(packed["count"] == model.size());  // rectangles alone are such
+    CHECK(2 * packed["byteLength"].get<std::size_t>() < 3 * model.size());
+  }
+  CHECK(checkFile(path).errors.empty());
+  const GaussianModel out = readModel(path).model;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    REQUIRE(out.atlas.rects[i].width == model.atlas.rects[i].width);
+    REQUIRE(out.atlas.rects[i].height == model.atlas.rects[i].height);
   }
 }
 
