@@ -9,6 +9,7 @@
 #include "converter/registry/file_format.h"
 #include "core/bundle/blocks.h"
 #include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -99,8 +100,8 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup&
       const tg::Image unsplit = whole_renderer->draw(camera);
       views.seams->whole.push_back(tg::scoreView(camera.name, *photograph, unsplit, {}));
     }
-    if (!pictures[i].empty()) tg::writeImage(pictures[i], picture);
-    if (!comparisons[i].empty()) tg::writeImage(comparisons[i], tg::sideBySide(*photograph, picture, flip_map));
+    if (!pictures[i].empty()) tg::writeDrawn(pictures[i], picture);
+    if (!comparisons[i].empty()) tg::writeDrawn(comparisons[i], tg::sideBySide(*photograph, picture, flip_map));
     if (!options.quiet) progress.show("scoring views", i + 1, views.asked);
   }
   progress.finish();

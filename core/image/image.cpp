@@ -6,6 +6,7 @@
 
 #include "core/file/file.h"
 #include "core/image/codecs.h"
+#include "core/image/drawn.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
@@ -64,15 +65,26 @@ Image readImage(const std::filesystem::path& path) {
   return decodeImage(readFile(path, kMaxImageFileBytes), path.string());
 }
 
-void writeImage(const std::filesystem::path& path, const Image& image) {
+namespace {
+
+void write(const std::filesystem::path& path, const Image& image, bool drawn) {
   checkWritable(image, path.string());
   const std::string extension = lowerExtension(path);
-  if (extension == ".png") return writeFileAtomically(path, encodePng(image));
+  if (extension == ".png") return writeFileAtomically(path, drawn ? encodeDrawnPng(image) : encodePng(image));
   if (extension == ".jpg" || extension == ".jpeg")
-    return writeFileAtomically(path, encodeJpeg(image, 95, path.string()));
+    return writeFileAtomically(path, encodeJpeg(image, 95, drawn, path.string()));
   if (extension == ".exr") return writeFileAtomically(path, encodeExrPicture(image, path.string()));
   throw Error(ErrorKind::usage, path.string(),
               "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
+}
+
+}  // namespace
+
+void writeImage(const std::filesystem::path& path, const Image& image) { write(path, image, false); }
+void writeDrawn(const std::filesystem::path& path, const Image& image) { write(path, image, true); }
+
+bool isDrawn(std::span<const std::uint8_t> start) {
+  return !std::ranges::search(start.first(std::min(start.size(), kDrawnBytes)), kDrawnBy).empty();
 }
 
 Image compositeOver(const Image& image, const float background[3]) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/image/codecs.h"
+#include "core/image/drawn.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 
@@ -109,7 +110,7 @@ struct Encoder {
     self->flush(sizeof(chunk) - self->destination.free_in_buffer);
   }
 
-  bool start(const Image& image, int channels, int quality) {
+  bool start(const Image& image, int channels, int quality, bool drawn) {
     info.err = install(errors);
     if (setjmp(errors.jump)) return false;
     jpeg_create_compress(&info);
@@ -128,6 +129,10 @@ struct Encoder {
       info.comp_info[i].h_samp_factor = info.comp_info[i].v_samp_factor = 1;
     }
     jpeg_start_compress(&info, TRUE);
+    if (drawn) {
+      jpeg_write_marker(&info, JPEG_COM, reinterpret_cast<const JOCTET*>(kDrawnBy.data()),
+                        static_cast<unsigned>(kDrawnBy.size()));
+    }
     return true;
   }
   bool writeRow(JSAMPLE* row) {
@@ -174,13 +179,13 @@ Image decodeJpeg(std::span<const std::uint8_t> bytes, const std::string& path) {
   return image;
 }
 
-std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality, const std::string& path) {
+std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality, bool drawn, const std::string& path) {
   TG_ASSERT(hasImageShape(image), "the image's data has its size");
   TG_ASSERT(quality >= 1 && quality <= 100, "a quality from 1 to 100");
   const int channels = std::min(image.channels, 3);  // JPEG has no alpha
   Encoder encoder;
   const auto fail = [&] { return Error(ErrorKind::cannotWrite, path, std::string("JPEG: ") + encoder.errors.message); };
-  if (!encoder.start(image, channels, quality)) throw fail();
+  if (!encoder.start(image, channels, quality, drawn)) throw fail();
   std::vector<JSAMPLE> row(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(channels));
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {

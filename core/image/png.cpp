@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/image/codecs.h"
+#include "core/image/drawn.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -113,7 +114,7 @@ bool readRows(PngState& state, std::vector<png_bytep>& rows) {
   return true;
 }
 
-bool writeRows(PngState& state, const Image& image, int bits, std::vector<png_bytep>& rows) {
+bool writeRows(PngState& state, const Image& image, int bits, bool drawn, std::vector<png_bytep>& rows) {
   if (setjmp(state.jump)) return false;
   const int color = image.channels == 1   ? PNG_COLOR_TYPE_GRAY
                     : image.channels == 3 ? PNG_COLOR_TYPE_RGB
@@ -122,6 +123,16 @@ bool writeRows(PngState& state, const Image& image, int bits, std::vector<png_by
   png_set_compression_level(state.png, 6);
   png_set_IHDR(state.png, state.info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height),
                bits, color, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  if (drawn) {
+    char key[] = "Software";
+    char words[kDrawnBy.size() + 1] = {};
+    kDrawnBy.copy(words, kDrawnBy.size());
+    png_text text{};
+    text.compression = PNG_TEXT_COMPRESSION_NONE;
+    text.key = key;
+    text.text = words;
+    png_set_text(state.png, state.info, &text, 1);
+  }
   png_write_info(state.png, state.info);
   png_write_image(state.png, rows.data());
   png_write_end(state.png, nullptr);
@@ -172,7 +183,7 @@ Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path) {
 
 namespace {
 
-std::vector<std::uint8_t> encode(const Image& image, int bits) {
+std::vector<std::uint8_t> encode(const Image& image, int bits, bool drawn) {
   TG_ASSERT(bits == 8 || bits == 16, "8 or 16 bits a channel");
   const std::string name = "PNG";
   if (image.channels != 1 && image.channels != 3 && image.channels != 4) {
@@ -197,13 +208,14 @@ std::vector<std::uint8_t> encode(const Image& image, int bits) {
   const std::size_t row_bytes =
       static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.channels) * sample_bytes;
   for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = pixels.data() + y * row_bytes;
-  if (!writeRows(state, image, bits, rows)) fail(state, ErrorKind::cannotWrite, name, "");
+  if (!writeRows(state, image, bits, drawn, rows)) fail(state, ErrorKind::cannotWrite, name, "");
   return std::move(state.output);
 }
 
 }  // namespace
 
-std::vector<std::uint8_t> encodePng(const Image& image) { return encode(image, 8); }
-std::vector<std::uint8_t> encodePng16(const Image& image) { return encode(image, 16); }
+std::vector<std::uint8_t> encodePng(const Image& image) { return encode(image, 8, false); }
+std::vector<std::uint8_t> encodeDrawnPng(const Image& image) { return encode(image, 8, true); }
+std::vector<std::uint8_t> encodePng16(const Image& image) { return encode(image, 16, false); }
 
 }  // namespace tg

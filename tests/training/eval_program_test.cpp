@@ -8,6 +8,7 @@
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/image/image.h"
 #include "core/model/model.h"
 #include "program.h"
@@ -63,6 +64,8 @@ TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
   CHECK(json["effective_rank"]["round"] == 1.0);  // the first Gaussians are balls
   CHECK(tg::readImage(folder / "pictures/r_1.png").width == 32);
   CHECK(tg::readImage(folder / "both/r_1.png").width == 3 * 32 + 8);
+  for (const char* name : {"pictures/r_1.png", "both/r_1.png"})
+    CHECK(tg::isDrawn(tg::readFile(folder / name, 1 << 20)));
 
   const Outcome kept = tgeval(folder, "model.ply scene --side-by-side both");
   CHECK(kept.code == 4);

@@ -11,6 +11,8 @@
 #include <thread>
 
 #include "core/bundle/bundle.h"
+#include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/image/image.h"
 #include "core/system/random.h"
 #include "support/catch.h"
@@ -279,6 +281,7 @@ TEST_CASE("metrics and previews come as often as asked", "[resume]") {
   const tg::Image preview = tg::readImage(folder / "run/previews/plain_0000016.png");
   CHECK(preview.width == 64);
   CHECK(preview.height == 32);
+  CHECK(tg::isDrawn(tg::readFile(folder / "run/previews/plain_0000016.png", 1 << 20)));
   CHECK(fs::exists(folder / "run/previews/textured_0000016.png"));
   CHECK_FALSE(fs::exists(folder / "run/previews/textured_0000032.png"));
   const tg::Image truth = tg::readImage(folder / "scene/test/r_0.png");

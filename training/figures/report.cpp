@@ -10,6 +10,7 @@
 
 #include "core/file/json.h"
 #include "core/image/color_map.h"
+#include "core/image/drawn.h"
 #include "core/system/error.h"
 #include "training/figures/chart.h"
 #include "training/score/eval_report.h"
@@ -158,7 +159,7 @@ void addCrops(const EvalComparison& report, std::vector<ReportFile>& files) {
     const std::vector<Crop>& crops = report.datasets[d].crops;
     for (std::size_t c = 0; c < crops.size(); ++c) {
       const auto add = [&](const std::string& what, const Image& image) {
-        files.push_back({cropName(d, c, what), encodePng(image)});
+        files.push_back({cropName(d, c, what), encodeDrawnPng(image)});
       };
       add("view", crops[c].overview);
       add("photograph", crops[c].photograph);

@@ -196,6 +196,13 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
   if (!list.ignored.empty()) {
     listener.warn(options.input.string() + ": ignored, no photographs: " + someOf(list.ignored));
   }
+  if (!list.drawn.empty()) {
+    std::vector<std::string> drawn;
+    for (const fs::path& picture : list.drawn) drawn.push_back(picture.string());
+    listener.warn(options.input.string() + ": left out, " + std::to_string(drawn.size()) +
+                  (drawn.size() == 1 ? " picture" : " pictures") +
+                  " that a program of this project drew: " + someOf(drawn));
+  }
   if (!list.unread.empty()) listener.warn(options.input.string() + ": ignored, " + unreadWords(list));
   if (!list.films.empty()) listener.warn(options.input.string() + ": ignored, " + filmWords(options.input, list));
   const std::vector<std::string> names = plainNames(list.photographs);

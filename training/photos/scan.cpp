@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <initializer_list>
@@ -18,6 +19,8 @@
 #include <utility>
 
 #include "core/file/file.h"
+#include "core/image/drawn.h"
+#include "core/run/live.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
 #include "training/data/dataset.h"
@@ -68,6 +71,16 @@ std::optional<std::size_t> hashOf(const fs::path& file) {
   return hash;
 }
 
+// Its first bytes, of the mark of pictures that were drawn, too; none for a file that cannot be read.
+std::vector<std::uint8_t> startOf(const fs::path& file) {
+  if (!isFile(file)) return {};
+  std::vector<std::uint8_t> start(kDrawnBytes);
+  std::ifstream stream(file, std::ios::binary);
+  stream.read(reinterpret_cast<char*>(start.data()), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(stream.gcount()));
+  return start;
+}
+
 bool holdTheSame(const fs::path& a, const fs::path& b) {
   std::ifstream first(a, std::ios::binary), second(b, std::ios::binary);
   using Bytes = std::istreambuf_iterator<char>;
@@ -76,12 +89,7 @@ bool holdTheSame(const fs::path& a, const fs::path& b) {
 
 }  // namespace
 
-PictureFormat pictureFormat(const fs::path& file) {
-  if (!isFile(file)) return PictureFormat::none;
-  std::array<std::uint8_t, 12> start{};
-  std::ifstream(file, std::ios::binary).read(reinterpret_cast<char*>(start.data()), start.size());
-  return pictureFormat(start);
-}
+PictureFormat pictureFormat(const fs::path& file) { return pictureFormat(startOf(file)); }
 
 PictureFormat pictureFormat(std::span<const std::uint8_t> start) {
   const std::string_view bytes(reinterpret_cast<const char*>(start.data()), std::min<std::size_t>(start.size(), 12));
@@ -95,6 +103,12 @@ PictureFormat pictureFormat(std::span<const std::uint8_t> start) {
 }
 
 namespace {
+
+// Whether a folder holds what is made of photographs: by a command like this one, by a run, or a model's SOG unpacked.
+bool isMade(const fs::path& folder) {
+  return isFile(folder / Ledger::kFile) || (isFile(folder / kMetricsName) && isFile(folder / "checkpoint")) ||
+         isFile(folder / "means_l.webp");
+}
 
 // Whether a folder is another one or lies in it; both as fs::canonical() has them.
 bool isWithin(const fs::path& inner, const fs::path& outer) {
@@ -121,7 +135,7 @@ Walk walkThrough(const fs::path& walked, const fs::path& place, const fs::path& 
   for (; !error && entries != end; entries.increment(error)) {
     const fs::path path = entries->path();
     std::error_code ignored;
-    if (isHidden(path) || (entries->is_directory(ignored) && isFile(path / Ledger::kFile))) {
+    if (isHidden(path) || (entries->is_directory(ignored) && isMade(path))) {
       entries.disable_recursion_pending();
       continue;
     }
@@ -142,10 +156,10 @@ Walk walkThrough(const fs::path& walked, const fs::path& place, const fs::path& 
     if (!entries->is_regular_file(ignored)) continue;
     if (++walk.files > most_files) return walk;
     const fs::path below = path.lexically_relative(folder);
-    if (pictureFormat(path) != PictureFormat::none) {
+    if (const std::vector<std::uint8_t> start = startOf(path); pictureFormat(start) != PictureFormat::none) {
       const fs::path parent = below.parent_path();
       const bool is_mask = std::find(parent.begin(), parent.end(), "masks") != parent.end();
-      (is_mask ? list.masks : list.photographs).push_back(below);
+      (is_mask ? list.masks : isDrawn(start) ? list.drawn : list.photographs).push_back(below);
     } else if (isUnreadName(path)) {
       list.unread.push_back(below.string());
     } else if (isFilmName(path)) {
@@ -157,6 +171,16 @@ Walk walkThrough(const fs::path& walked, const fs::path& place, const fs::path& 
   if (error) throw Error(ErrorKind::cannotRead, walked.string(), "cannot list: " + error.message());
   std::ranges::sort(walk.links);
   return walk;
+}
+
+// In the order in which people number them: "IMG (9)" before "IMG (10)". Those that differ in their extension alone
+// stand beside each other.
+bool isBefore(const fs::path& a, const fs::path& b) {
+  const fs::path x = fs::path(a).replace_extension(), y = fs::path(b).replace_extension();
+  const auto [in_x, in_y] = std::ranges::mismatch(x, y);
+  if (in_x == x.end() && in_y == y.end()) return a < b;
+  if (in_x == x.end() || in_y == y.end()) return in_x == x.end();
+  return ::strverscmp(in_x->c_str(), in_y->c_str()) < 0;
 }
 
 template <typename T>
@@ -199,13 +223,15 @@ PhotographList findPhotographs(const fs::path& folder, std::size_t most_files) {
     entered.merge(walk.folders);
     append(walks, walk.links);
     append(list.photographs, walk.list.photographs);
+    append(list.drawn, walk.list.drawn);
     append(list.masks, walk.list.masks);
     append(list.unread, walk.list.unread);
     append(list.films, walk.list.films);
     append(list.ignored, walk.list.ignored);
   }
-  std::ranges::sort(list.photographs);
-  std::ranges::sort(list.masks);
+  if (list.photographs.empty()) std::swap(list.photographs, list.drawn);  // who has no others means these
+  for (std::vector<fs::path>* paths : {&list.photographs, &list.drawn, &list.masks})
+    std::ranges::sort(*paths, isBefore);
   for (std::vector<std::string>* names : {&list.unread, &list.films, &list.ignored}) std::ranges::sort(*names);
   // Empty and broken photographs before what was never meant to be one.
   std::ranges::stable_partition(list.ignored, isPhotographName);

@@ -20,15 +20,17 @@ PictureFormat pictureFormat(const std::filesystem::path& file);
 
 struct PhotographList {
   std::vector<std::filesystem::path> photographs;  // below the folder, sorted by name
+  std::vector<std::filesystem::path> drawn;        // pictures of these programs, left out where there are photographs
   std::vector<std::filesystem::path> masks;        // pictures in folders called masks, below the folder, sorted
   std::vector<std::string> unread;                 // pictures in formats that are not read: RAW, TIFF, JPEG XL
   std::vector<std::string> films;                  // which want a command each
   std::vector<std::string> ignored;                // other files below it
 };
 
-// Of a folder and those in it, also by links to folders, but for hidden ones, __MACOSX and work folders of tgtrain
-// photos. A link that leads above the folder, or to more files than there may be in all, is ignored. Throws
-// Error(cannotRead) for a folder that cannot be listed, Error(badData) for one of more than `most_files`.
+// Of a folder and those in it, also by links to folders, but for hidden ones, __MACOSX, folders of runs, of
+// unpacked SOGs, and work folders of tgtrain photos. A link that leads above the folder, or to more files than there
+// may be in all, is ignored. Throws Error(cannotRead) for a folder that cannot be listed, Error(badData) for one of
+// more than `most_files`.
 PhotographList findPhotographs(const std::filesystem::path& folder, std::size_t most_files = 100'000);
 
 // A photograph, and the first one that has the same bytes.

@@ -16,6 +16,7 @@
 
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/image/drawn.h"
 #include "core/run/live.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -257,7 +258,7 @@ void RunFolder::writePreview(const Trainer& trainer) const {
   const fs::path folder = options_.folder / "previews";
   std::error_code ignored;
   fs::create_directory(folder, ignored);
-  writeImage(folder / previewName(trainer.stage(), trainer.progress().iteration), both);
+  writeDrawn(folder / previewName(trainer.stage(), trainer.progress().iteration), both);
 }
 
 std::string RunFolder::save(const Trainer& trainer) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "core/image/drawn.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
 #include "render/visualize.h"
@@ -109,7 +110,7 @@ void compareToFile(const ViewOptions& options) {
   requireNoValidationMessages(backend);
   Image picture = composed(first, other, mask, how);
   if (options.legend) picture = withLegend(std::move(picture), *legendOf(how));
-  writeImage(options.out, picture);
+  writeDrawn(options.out, picture);
   if (options.quiet) return;
   std::printf("%s: %dx%d, %s of %s, %s and %s%s%s\n", options.out.c_str(), picture.width, picture.height,
               std::string(name(how.mode)).c_str(), std::string(name(options.show)).c_str(), options.model.c_str(),

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "core/image/drawn.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
 #include "viewer/headless/renderer.h"
@@ -30,7 +31,7 @@ void render(const Scene& scene, const Camera& camera, const std::shared_ptr<cons
   backend.renderer->setModel(model);
   const Frame frame = backend.renderer->render(camera, settings);
   requireNoValidationMessages(backend);
-  writeImage(options.out, numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
+  writeDrawn(options.out, numbers ? extract(frame, options.show) : shownPicture(frame, options, settings));
 
   if (options.quiet) return;
   double milliseconds = 0;

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/system/assert.h"
 #include "core/system/descriptor.h"
 #include "core/system/error.h"
@@ -264,7 +265,7 @@ void FrameWriter::finish() {
 }
 
 void FrameWriter::writePictures(const NextFrame& next) const {
-  for (std::size_t number = 0; const auto frame = next(); ++number) writeImage(framePath(target_, number), *frame);
+  for (std::size_t number = 0; const auto frame = next(); ++number) writeDrawn(framePath(target_, number), *frame);
 }
 
 void FrameWriter::writeVideo(const NextFrame& next) const {

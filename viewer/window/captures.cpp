@@ -7,6 +7,7 @@
 
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -26,12 +27,12 @@ std::filesystem::path writeCaptures(ViewerState& state, const Picture* picture, 
   if (!capture.picture.empty()) {
     if (!picture) throw Error(ErrorKind::usage, "there is no picture to save: open a model");
     state.capture.dialog = capture.dialog;  // of what is being written
-    writeImage(capture.picture, pictureOnScreen(*picture, state.compare.how, screen));
+    writeDrawn(capture.picture, pictureOnScreen(*picture, state.compare.how, screen));
     state.capture.dialog.reset();
     saved = capture.picture;
   }
   if (!capture.window.empty()) {
-    writeImage(capture.window, screen.readWindow());
+    writeDrawn(capture.window, screen.readWindow());
     saved = capture.window;
   }
   if (!capture.camera.empty()) {

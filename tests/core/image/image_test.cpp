@@ -8,6 +8,7 @@
 #include <random>
 
 #include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/image/image.h"
 #include "core/system/error.h"
 #include "support/catch.h"
@@ -151,6 +152,26 @@ TEST_CASE("JPEG keeps a smooth picture within its quality, in colour and grey") 
     REQUIRE(back.channels == channels);
     for (std::size_t i = 0; i < image.data.size(); ++i) REQUIRE(back.data[i] == Approx(image.data[i]).margin(0.03));
   }
+}
+
+TEST_CASE("a picture that was drawn says so in its file, and is the same picture") {
+  const tg::TemporaryFolder folder;
+  for (const char* name : {"a.png", "a.jpg"}) {
+    tg::writeImage(folder / name, smooth(33, 18, 3));
+    const std::vector<std::uint8_t> plain = tg::readFile(folder / name, 1 << 20);
+    const Image image = tg::readImage(folder / name);
+    tg::writeDrawn(folder / name, smooth(33, 18, 3));
+    const std::vector<std::uint8_t> drawn = tg::readFile(folder / name, 1 << 20);
+    CHECK_FALSE(tg::isDrawn(plain));
+    CHECK(tg::isDrawn(drawn));
+    CHECK(tg::isDrawn(std::span(drawn).first(tg::kDrawnBytes)));
+    CHECK_FALSE(tg::isDrawn(std::span(drawn).first(20)));
+    CHECK(drawn.size() > plain.size());
+    CHECK(tg::readImage(folder / name).data == image.data);
+  }
+  tg::writeDrawn(folder / "a.exr", smooth(33, 18, 3));
+  CHECK(tg::readImage(folder / "a.exr").width == 33);
+  CHECK(tg::encodeDrawnPng(smooth(9, 9, 1)) == tg::encodeDrawnPng(smooth(9, 9, 1)));
 }
 
 TEST_CASE("JPEG keeps the colours of neighbouring pixels apart") {

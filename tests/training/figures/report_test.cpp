@@ -7,6 +7,7 @@
 #include <limits>
 #include <sstream>
 
+#include "core/image/drawn.h"
 #include "core/image/image.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -93,7 +94,9 @@ TEST_CASE("a report has a row for each model and each part of a textured one") {
                            "texels-1.svg", "crops/1-1-view.png", "crops/1-1-photograph.png", "crops/1-1-model-2.png",
                            "crops/1-1-flip-2.png", "index.html"}) {
     INFO(name);
-    CHECK(std::ranges::find(files, name, &ReportFile::name) != files.end());
+    const auto file = std::ranges::find(files, name, &ReportFile::name);
+    REQUIRE(file != files.end());
+    CHECK(isDrawn(file->bytes) == std::string_view(name).ends_with(".png"));
   }
   const std::vector<ReportFile> again = reportFiles(sample());
   REQUIRE(again.size() == files.size());

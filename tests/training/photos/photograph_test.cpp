@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/image/webp.h"
 #include "core/system/error.h"
 #include "support/catch.h"
@@ -535,6 +536,67 @@ TEST_CASE("a photograph of another's bytes is its copy, one of its size alone is
   }
   CHECK(copies == "c.jpg of a.jpg\nd.jpg of b.jpg\ng.jpg of a.jpg\n");
   CHECK(photographs == std::vector<fs::path>{"a.jpg", "absent.jpg", "b.jpg", "e.jpg", "f.jpg"});
+}
+
+TEST_CASE("what was drawn or made among photographs is none of them, unless there are no others", "[photos]") {
+  const tg::TemporaryFolder folder;
+  writePictures(folder.path, {"a.jpg", "run/b.jpg", "run/previews/c.png", "scene/0/means_l.webp.jpg",
+                              "scene/0/1_0/sh0.jpg", "metrics only/d.jpg", "masks/e.png"});
+  std::ofstream(folder / "run/metrics.jsonl") << "{}";
+  std::ofstream(folder / "metrics only/metrics.jsonl") << "{}";
+  std::ofstream(folder / "run/checkpoint") << "bytes";
+  fs::rename(folder / "scene/0/means_l.webp.jpg", folder / "scene/0/1_0/means_l.webp");
+  for (const char* name : {"model.png", "a_2.jpg", "masks/f.png"}) tg::writeDrawn(folder / name, picture());
+  tg::PhotographList list = tg::findPhotographs(folder.path);
+  CHECK(list.photographs == std::vector<fs::path>{"a.jpg", "metrics only/d.jpg"});
+  CHECK(list.drawn == std::vector<fs::path>{"a_2.jpg", "model.png"});
+  CHECK(list.masks == std::vector<fs::path>{"masks/e.png", "masks/f.png"});
+  // Pictures of a model on purpose, as photographs of a scene that there is not.
+  fs::remove(folder / "a.jpg");
+  fs::remove(folder / "metrics only/d.jpg");
+  list = tg::findPhotographs(folder.path);
+  CHECK(list.photographs == std::vector<fs::path>{"a_2.jpg", "model.png"});
+  CHECK(list.drawn.empty());
+}
+
+TEST_CASE("pictures that were drawn are left out and named", "[photos]") {
+  const tg::TemporaryFolder folder;
+  for (int i = 0; i < 3; ++i) {
+    writePictures(folder.path, {"in/a.png"});
+    fs::rename(folder / "in/a.png", folder / ("in/" + std::to_string(i) + ".png"));
+    std::ofstream(folder / ("in/" + std::to_string(i) + ".png"), std::ios::app) << i;  // no copies
+  }
+  tg::PhotosOptions options;
+  options.input = folder / "in";
+  const std::string made_of = tg::madeOf(options);
+  tg::writeDrawn(folder / "in/model.png", tg::turned(picture(), 6));
+  CHECK(tg::madeOf(options) == made_of);
+  const auto [names, said] = prepared(folder);
+  CHECK(names == std::vector<std::string>{"0.png", "1.png", "2.png"});
+  CHECK_THAT(said, Contains("in: left out, 1 picture that a program of this project drew: model.png\n"));
+}
+
+TEST_CASE("photographs that are numbered without zeros stand in the order of their numbers", "[photos]") {
+  const tg::TemporaryFolder folder;
+  writePictures(folder.path, {"sub/t.jpg"});
+  std::vector<fs::path> expected;
+  for (int i = 1; i <= 300; ++i) {
+    expected.push_back("IMG (" + std::to_string(i) + ").jpg");
+    fs::create_hard_link(folder / "sub/t.jpg", folder / expected.back());
+  }
+  for (const char* name : {"sub 2/t.jpg", "sub 10/t.jpg", "IMG (9).png", "IMG (9)b.jpg"}) {
+    fs::create_directories((folder / name).parent_path());
+    fs::create_hard_link(folder / "sub/t.jpg", folder / name);
+  }
+  std::vector<fs::path> photographs = tg::findPhotographs(folder.path).photographs;
+  REQUIRE(photographs.size() == 305);
+  CHECK(photographs[9] == "IMG (9).png");
+  CHECK(photographs[10] == "IMG (9)b.jpg");
+  photographs.erase(photographs.begin() + 9, photographs.begin() + 11);
+  CHECK(std::vector<fs::path>(photographs.end() - 3, photographs.end()) ==
+        std::vector<fs::path>{"sub/t.jpg", "sub 2/t.jpg", "sub 10/t.jpg"});
+  photographs.resize(300);
+  CHECK(photographs == expected);  // so that sequentialPairs() has every (k, k + 1)
 }
 
 TEST_CASE("copies have plain names, each its own", "[photos]") {

@@ -9,6 +9,8 @@
 #include "core/bundle/bundle.h"
 #include "core/bundle/camera_file.h"
 #include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/image/metrics.h"
 #include "render/renderer.h"
 #include "support/catch.h"
@@ -61,6 +63,7 @@ TEST_CASE("the flag --render writes every output of the first test camera") {
     CHECK(picture.err.empty());
     CHECK(contains(picture.out, show + ".png: 96x72"));
     CHECK(std::isinf(psnr8Bit(shop.read(show + ".png"), visualize(frame, output))));
+    CHECK(isDrawn(readFile(shop / (show + ".png"), 1 << 20)));
     const ProcessResult numbers =
         shop.tgview({"model.tgz", "--render", show + ".exr", "--show", show, "--backend", "cpu"});
     REQUIRE(numbers.exit_code == 0);
@@ -387,6 +390,7 @@ TEST_CASE("a legend and a FLIP map are drawn where they are asked for") {
     const ProcessResult result = shop.tgview(more);
     INFO(result.err);
     REQUIRE(result.exit_code == 0);
+    CHECK(isDrawn(readFile(shop / "out.png", 1 << 24)));
     return shop.read("out.png");
   };
   const Image plain = render({"--show", "count"}), legend = render({"--show", "count", "--legend"});

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <vector>
 
+#include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -73,6 +75,7 @@ TEST_CASE("pictures are numbered from 0 in a folder that is made for them") {
   writer.finish();
   CHECK(filesIn(folder / "new") == 5);
   CHECK(readImage(folder / "new/f03.png").at(1, 1, 0) == Approx(0.6f).margin(0.005));
+  CHECK(isDrawn(readFile(folder / "new/f03.png", 1 << 20)));
 }
 
 TEST_CASE("pictures of a longer recording are not left among those of a shorter one") {

@@ -4,6 +4,8 @@
 #include <cstdio>
 
 #include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/image/drawn.h"
 #include "core/image/metrics.h"
 #include "support/catch.h"
 #include "support/scenes.h"
@@ -132,6 +134,7 @@ TEST_CASE("a storm of sizes leaves the picture of the last one", "[window]") {
   run(shop, {"a.tgz", "--render", "render.png", "--backend", backendOr("vulkan"), "--size", "260x200"});
   CHECK(psnr(shop.read("window.png"), shop.read("render.png")) > 45);
   CHECK(psnr(shop.read("picture.png"), shop.read("render.png")) > 45);
+  for (const char* file : {"window.png", "picture.png"}) CHECK(isDrawn(readFile(shop / file, 1 << 24)));
 }
 
 TEST_CASE("a comparison on screen is the one that --render writes, and both are two renderings put together",
