@@ -31,6 +31,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Before hours of COLMAP: a model of before that would then be in the way, since training does not go on with its run.
+void refuseLaterRun(const tg::PhotosOptions& photos, tg::Ledger& ledger, const std::string& made_of,
+                    const tg::TrainFlags& options) {
+  const std::optional<tg::PhotoStage> undone = tg::undoneStage(photos, ledger);
+  if (!undone && ledger.isBegun(tg::PhotoStage::training, made_of)) return;
+  try {
+    tg::checkOutputs(options, false);
+  } catch (const tg::Error& error) {
+    throw tg::Error(error.kind, error.what() + ("; for this input and these flags " + photos.work.string()) +
+                                    " is made anew from its " +
+                                    std::string(name(undone.value_or(tg::PhotoStage::training))) + " on");
+  }
+}
+
 int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   if (options.print_config) return tg::train(options);
   if (options.dataset.empty() || options.output.empty()) {
@@ -49,6 +63,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   if (options.threads > 0) tg::setThreadCount(options.threads);
   tg::checkInput(photos);
   tg::Ledger ledger(photos.work);
+  refuseLaterRun(photos, ledger, made_of, options);
   tg::preparePhotosAloud(photos, ledger, !options.talks());
 
   options.title = tg::nameOf("", options.dataset);

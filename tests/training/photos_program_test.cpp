@@ -303,7 +303,7 @@ TEST_CASE("a command that cannot begin leaves the cameras that are there", "[pho
   fs::create_directory(trial / "without ffmpeg");
   fs::copy(trial / "bin/colmap", trial / "without ffmpeg/colmap");
   const auto refused = [&](const std::string& arguments, int code, const std::string& path = "$PWD/bin:$PATH") {
-    const Outcome outcome = trial.photos(arguments + " -o model.tgz" + kShort, path);
+    const Outcome outcome = trial.photos(arguments + " -o model.tgz --overwrite" + kShort, path);
     INFO(outcome.output);
     CHECK(outcome.code == code);
     CHECK(tg::hasCameras(trial / "model.photos"));
@@ -317,6 +317,38 @@ TEST_CASE("a command that cannot begin leaves the cameras that are there", "[pho
   CHECK(trial.calls().empty());
   refused("film.mp4 --work model.photos", 3);
   refused("film.mp4 --work model.photos", 5, "$PWD/without ffmpeg:/nowhere");
+}
+
+TEST_CASE("a model that may not be replaced is named before cameras are looked for again", "[photos]") {
+  const Trial trial;
+  REQUIRE(trial.photos("photos -o model.tgz" + kShort).code == 0);
+  CHECK(trial.calls() == kAll);
+  fs::create_directory(trial / "others");
+  for (const char* name : {"IMG 1.jpg", "IMG 2.jpg", "IMG 3.jpg"}) {
+    fs::copy(trial / "photos" / name, trial / "others" / name);
+  }
+  const auto bytes = [&](const std::string& name) { return trial.textOf("model.photos/" + name); };
+  const std::vector<std::string> kept = {"photos.json", "database.db", "sparse/0/images.bin", "images/IMG_0.jpg",
+                                         "run/checkpoint"};
+  std::vector<std::string> before;
+  for (const std::string& name : kept) before.push_back(bytes(name));
+  for (const auto& [arguments, stage] :
+       std::initializer_list<std::pair<std::string, std::string>>{{"others", "photographs"},
+                                                                  {"photos --lens OPENCV", "features"},
+                                                                  {"photos --matching sequential", "matches"},
+                                                                  {"photos --sh-degree 1", "training"}}) {
+    const Outcome refused = trial.photos(arguments + " -o model.tgz" + kShort);
+    INFO(refused.output);
+    CHECK(refused.code == 4);
+    CHECK_THAT(refused.output, Contains("model.tgz: exists already (add --overwrite to replace it); for this input and "
+                                        "these flags model.photos is made anew from its " +
+                                        stage + " on\n"));
+    CHECK(std::ranges::count(refused.output, '\n') == 1);
+    CHECK(trial.calls().empty());
+    for (std::size_t i = 0; i < kept.size(); ++i) CHECK(bytes(kept[i]) == before[i]);
+  }
+  CHECK(trial.photos("others -o model.tgz --overwrite --matching exhaustive" + kShort).code != 4);
+  CHECK(trial.calls() == kAll);
 }
 
 TEST_CASE("a film gives its sharpest frames", "[photos]") {

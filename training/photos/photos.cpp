@@ -41,54 +41,78 @@ std::string duration(double seconds) {
 class Job {
  public:
   Job(const PhotosOptions& options, Ledger& ledger, const PhotosListener& listener, const std::atomic<int>& stop)
-      : options_(options), ledger_(ledger), listener_(listener), stop_(stop), work_(ledger.folder()) {}
+      : options_(options), ledger_(ledger), listener_(listener), stop_(stop), work_(ledger.folder()) {
+    std::error_code ignored;
+    film_ = !fs::is_directory(options.input, ignored);
+  }
 
   void run() {
     const std::string made_of = madeOf(options_);
     std::error_code ignored;
-    const bool film = !fs::is_directory(options_.input, ignored);
     fs::create_directories(work_ / "logs", ignored);
     stage(PhotoStage::photographs, made_of, [&](bool) { return prepare(); });
-    photographs_ = preparedFromJson(ledger_.result(PhotoStage::photographs));
-    listener_.say(std::to_string(photographs_.size()) + (film ? " frames" : " photographs") + " of " +
+    takePrepared();
+    listener_.say(std::to_string(photographs_.size()) + (film_ ? " frames" : " photographs") + " of " +
                   std::to_string(cameras().size()) + (cameras().size() == 1 ? " camera" : " cameras"));
-    std::vector<std::optional<Place>> places;
-    for (const Prepared& photograph : photographs_) places.push_back(photograph.place);
-    const Matching matching = chosenMatching(options_.matching, film, places);
-    if (matching == Matching::spatial) checkPlaces();
-    const std::string lens(name(options_.lens));
-    const std::string with = std::string(name(options_.solver)) + ", ";
+    if (matching_ == Matching::spatial) checkPlaces();
     // Databases go from one COLMAP to another in one direction at most.
-    if (ledger_.isDone(PhotoStage::features, with + "lens " + lens) &&
-        !ledger_.isDone(PhotoStage::cameras, with + std::string(name(options_.mapper)) + " mapper") &&
+    if (ledger_.isDone(PhotoStage::features, keyOf(PhotoStage::features)) &&
+        !ledger_.isDone(PhotoStage::cameras, keyOf(PhotoStage::cameras)) &&
         ledger_.result(PhotoStage::features) != solverName()) {
       ledger_.begin(PhotoStage::features, "");
     }
-    stage(PhotoStage::features, with + "lens " + lens, [&](bool) { return features(); });
-    stage(PhotoStage::matches, with + std::string(name(matching)),
-          [&](bool goes_on) { return matches(goes_on, matching); });
-    const std::string made = with + std::string(name(options_.mapper)) + " mapper";
-    if (ledger_.isDone(PhotoStage::cameras, made) && !isFile(work_ / "sparse/0/images.bin")) {
-      ledger_.begin(PhotoStage::cameras, "");
+    stage(PhotoStage::features, keyOf(PhotoStage::features), [&](bool) { return features(); });
+    stage(PhotoStage::matches, keyOf(PhotoStage::matches), [&](bool goes_on) { return matches(goes_on); });
+    stage(PhotoStage::cameras, keyOf(PhotoStage::cameras), [&](bool) { return solve(); });
+    judge();
+  }
+
+  // The first stage that run() would do.
+  std::optional<PhotoStage> undone() {
+    if (!isDone(PhotoStage::photographs, madeOf(options_))) return PhotoStage::photographs;
+    takePrepared();
+    for (const PhotoStage stage : {PhotoStage::features, PhotoStage::matches, PhotoStage::cameras}) {
+      if (!isDone(stage, keyOf(stage))) return stage;
     }
-    stage(PhotoStage::cameras, made, [&](bool) { return solve(); });
-    judge(film);
+    return std::nullopt;
   }
 
  private:
   fs::path images() const { return work_ / "images"; }
   SolverFiles files() const { return {work_ / "database.db", images()}; }
 
+  void takePrepared() {
+    photographs_ = preparedFromJson(ledger_.result(PhotoStage::photographs));
+    std::vector<std::optional<Place>> places;
+    for (const Prepared& photograph : photographs_) places.push_back(photograph.place);
+    matching_ = chosenMatching(options_.matching, film_, places);
+  }
+
+  // What a stage of COLMAP is made of beside those before it.
+  std::string keyOf(PhotoStage stage) const {
+    const std::string with = std::string(name(options_.solver)) + ", ";
+    if (stage == PhotoStage::features) return with + "lens " + std::string(name(options_.lens));
+    if (stage == PhotoStage::matches) return with + std::string(name(matching_));
+    return with + std::string(name(options_.mapper)) + " mapper";
+  }
+
+  // Whether what a stage works on or leaves is there.
+  bool hasFiles(PhotoStage stage) const {
+    std::error_code ignored;
+    if (stage == PhotoStage::photographs) return fs::is_directory(images(), ignored);
+    return isFile(files().database) && (stage != PhotoStage::cameras || isFile(work_ / "sparse/0/images.bin"));
+  }
+  bool isDone(PhotoStage stage, const std::string& made_of) const {
+    return hasFiles(stage) && ledger_.isDone(stage, made_of);
+  }
+
   // Does what is not done. `work` is told whether it goes on with what was begun, and returns the result.
   template <typename Work>
   void stage(PhotoStage stage, const std::string& made_of, Work work) {
     if (stop_ != 0) throw Stopped();
     const std::string title(name(stage));
-    std::error_code ignored;
-    const bool there =
-        stage == PhotoStage::photographs ? fs::is_directory(images(), ignored) : isFile(files().database);
-    if (there && ledger_.isDone(stage, made_of)) return listener_.say(title + ": done before");
-    const bool goes_on = there && ledger_.isBegun(stage, made_of);
+    if (isDone(stage, made_of)) return listener_.say(title + ": done before");
+    const bool goes_on = hasFiles(stage) && ledger_.isBegun(stage, made_of);
     findSolverOnce();  // a machine that cannot go on says so before it reads a film or forgets what is done
     if (stage != PhotoStage::photographs) forgetCameras();
     if (!goes_on) ledger_.begin(stage, made_of);
@@ -199,21 +223,21 @@ class Job {
         solverName()};
   }
 
-  Outcome matches(bool goes_on, Matching matching) {
+  Outcome matches(bool goes_on) {
     const Solver& solver = findSolverOnce();
     if (!goes_on && !forgetMatches(files().database)) {
       throw Error(ErrorKind::badData, files().database.string(), "no database of COLMAP (remove it to start anew)");
     }
     Pairs pairs;
-    if (matching == Matching::exhaustive) {
+    if (matching_ == Matching::exhaustive) {
       pairs = allPairs(photographs_.size());
       if (photographs_.size() > kMostExhaustive) {
         listener_.warn(std::to_string(pairs.size()) +
                        " pairs are matched, which takes long (--matching sequential: fewer)");
       }
-    } else if (matching == Matching::sequential) {
+    } else if (matching_ == Matching::sequential) {
       pairs = sequentialPairs(photographs_.size());
-      if (options_.matching == Matching::automatic && photographs_.size() > kMostExhaustive && !isFilm()) {
+      if (options_.matching == Matching::automatic && photographs_.size() > kMostExhaustive && !film_) {
         listener_.warn(
             "photographs are matched with those of neighbouring names, since they do not all say where they "
             "were taken and all pairs would take long (--matching exhaustive)");
@@ -234,7 +258,7 @@ class Job {
       colmap(matchPairs(solver, files(), work_ / "list.txt", options_.threads), PhotoStage::matches, {});
     }
     listener_.progress("matching pairs", pairs.size(), pairs.size());
-    return {std::to_string(pairs.size()) + " pairs (" + std::string(name(matching)) + ")", "null"};
+    return {std::to_string(pairs.size()) + " pairs (" + std::string(name(matching_)) + ")", "null"};
   }
 
   Outcome solve() {
@@ -299,11 +323,11 @@ class Job {
   }
 
   // What came out, and whether it is enough; also when the stage was done before.
-  void judge(bool film) {
+  void judge() {
     const ColmapSummary summary = summarizeColmap(work_ / "sparse/0");
     const std::size_t count = photographs_.size(), placed = summary.images.size();
     listener_.say("cameras: " + std::to_string(placed) + " of " + std::to_string(count) +
-                  (film ? " frames" : " photographs") +
+                  (film_ ? " frames" : " photographs") +
                   formatted(", %zu points, mean reprojection error %.2f px", summary.points, summary.error));
     nameLeftOut({summary.images.begin(), summary.images.end()});
     const double percent = 100.0 * static_cast<double>(placed) / static_cast<double>(count);
@@ -316,8 +340,6 @@ class Job {
     }
   }
 
-  bool isFilm() const { return photographs_.front().source.starts_with("frame "); }
-
   static constexpr const char* kAdvice =
       "What helps: more photographs, each sharing two thirds of its view with the next; walk around rather than turn "
       "on the spot; sharp pictures, no zoom, no mirrors, something with a pattern in view; --matching exhaustive.";
@@ -327,13 +349,21 @@ class Job {
   const PhotosListener& listener_;
   const std::atomic<int>& stop_;
   const fs::path work_;
+  bool film_ = false;
   std::vector<Prepared> photographs_;
+  Matching matching_ = Matching::automatic;  // as chosen, once there are photographs
   std::optional<Solver> solver_;
 };
 
 }  // namespace
 
 void checkInput(const PhotosOptions& options) { madeOf(options); }
+
+std::optional<PhotoStage> undoneStage(const PhotosOptions& options, Ledger& ledger) {
+  const PhotosListener nobody;
+  const std::atomic<int> never{0};
+  return Job(options, ledger, nobody, never).undone();
+}
 
 void preparePhotos(const PhotosOptions& options, Ledger& ledger, const PhotosListener& listener,
                    const std::atomic<int>& stop) {

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "training/photos/ledger.h"
@@ -34,6 +35,9 @@ struct PhotosListener {
 
 // Throws Error(cannotRead / badData / usage) for an input that can be seen to be none.
 void checkInput(const PhotosOptions& options);
+
+// The first stage that preparePhotos() would do; none: all before training are done. Throws what checkInput() throws.
+std::optional<PhotoStage> undoneStage(const PhotosOptions& options, Ledger& ledger);
 
 // Does what is not done yet, stage by stage, in `ledger`'s folder: images/ and sparse/0 then are a data set. Throws
 // Stopped once `stop` is set, Error(usage / cannotRead / badData / cannotWrite / device).
