@@ -56,7 +56,12 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
     } else {
       requireWritable(path);
     }
-    refuseExisting(path, options.overwrite || (resumes && isOutputOf(run, path)));
+    const Ownership ownership = resumes ? ownershipOf(run, path) : Ownership::others;
+    if (ownership == Ownership::changed && !options.overwrite) {
+      throw Error(ErrorKind::cannotWrite, path,
+                  "has changed since this run wrote it (add --overwrite to replace it, or name another output)");
+    }
+    refuseExisting(path, options.overwrite || ownership == Ownership::own);
   }
 }
 
@@ -76,6 +81,7 @@ void TrainingOutputs::writeOutput(const std::string& path, const Write& write) {
     if (run_ && !replace) disown(*run_, path);
     throw;
   }
+  if (run_) run_->markWritten(path);
 }
 
 // Returns the model's training.json.

@@ -12,7 +12,7 @@
 namespace tg {
 
 // Before hours of training: what could not be written at their end. resumes: what its run wrote, it may replace. Throws
-// Error(usage / cannotWrite), and what isOutputOf() throws.
+// Error(usage / cannotWrite), and what ownershipOf() throws.
 void checkOutputs(const TrainFlags& options, bool resumes);
 
 // Writes what came of a training once. All outlive this; `run` is null for one without a folder.

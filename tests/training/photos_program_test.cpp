@@ -199,6 +199,14 @@ TEST_CASE("photographs become a model by one command, which does nothing twice",
   CHECK_THAT(again.output, Contains("matches: done before"));
   CHECK(trial.calls().empty());
 
+  // An edit is not lost to a command that has nothing left to do.
+  std::ofstream(trial / "model.tgz", std::ios::app) << "edited";
+  const Outcome edited = trial.photos("photos -o model.tgz" + kShort);
+  CHECK(edited.code == 4);
+  CHECK_THAT(edited.output, Contains("model.tgz: has changed since this run wrote it (add --overwrite to replace it"));
+  CHECK(trial.textOf("model.tgz").ends_with("edited"));
+  CHECK(trial.photos("photos -o model.tgz --overwrite" + kShort).code == 0);
+
   // Another setting of training: a new run, which may not replace the model by itself.
   const Outcome other = trial.photos("photos -o model.tgz --iterations 5 --texture-iterations 2 --gaussians 40");
   CHECK(other.code == 4);

@@ -331,7 +331,6 @@ TEST_CASE("a model that came while another was trained stays, and the other is k
   for (int time = 0; time < 2; ++time) {
     CHECK(tgtrain(folder, again + "own.tgz --json own.json").code == 0);
     CHECK(bytesOf(folder / "own.tgz") == model);
-    fs::resize_file(folder / "own.tgz", 1);
   }
   CHECK_THAT(tgtrain(folder, again + "run/../run/model.tgz").output, Contains("is written in any case"));
   CHECK(tgtrain(folder, kBase + "--iterations 200 --run other -o other/model.tgz").code == 1);
@@ -341,6 +340,38 @@ TEST_CASE("a model that came while another was trained stays, and the other is k
   fs::rename(folder / "own.tgz", folder / "elsewhere/own.tgz");
   CHECK(tgtrain(folder, kBase + "--iterations 200 --run elsewhere/run --resume -o elsewhere/own.tgz").code == 0);
   CHECK(bytesOf(folder / "elsewhere/own.tgz") == model);
+}
+
+TEST_CASE("a run replaces what it wrote itself but not what was edited since", "[resume]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  const std::string command = kRun + "--run run --resume -q -o model.tgz";
+  REQUIRE(tgtrain(folder, command).code == 0);
+  const Bytes model = bytesOf(folder / "model.tgz");
+  const std::string outputs = contents(folder / "run/outputs.json");
+  std::ofstream(folder / "model.tgz") << "edited";
+  for (int time = 0; time < 2; ++time) {
+    const Outcome refused = tgtrain(folder, command);
+    CHECK(refused.code == 4);
+    CHECK(refused.output ==
+          "tgtrain: model.tgz: has changed since this run wrote it (add --overwrite to replace it, or name another "
+          "output)\n");
+    CHECK(contents(folder / "model.tgz") == "edited");
+  }
+  CHECK(tgtrain(folder, command + " --overwrite").code == 0);
+  CHECK(bytesOf(folder / "model.tgz") == model);
+  CHECK(contents(folder / "run/outputs.json") == outputs);
+  // One that was killed while it wrote has no sum, as those have that older programs wrote: it is found again.
+  for (const std::string sums : {"", ",\"sha256\":[\"\"]"}) {
+    std::ofstream(folder / "run/outputs.json") << "{\"outputs\":[\"../model.tgz\"]" << sums << "}";
+    std::ofstream(folder / "model.tgz") << "half a model";
+    CHECK(tgtrain(folder, command).code == 0);
+    CHECK(bytesOf(folder / "model.tgz") == model);
+    CHECK(contents(folder / "run/outputs.json") == outputs);
+  }
+  fs::remove(folder / "model.tgz");
+  CHECK(tgtrain(folder, command).code == 0);
+  CHECK(bytesOf(folder / "model.tgz") == model);
 }
 
 TEST_CASE("what tgtrain says reaches a file or a pipe while it trains", "[resume]") {

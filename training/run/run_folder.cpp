@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
@@ -17,6 +18,7 @@
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/image/drawn.h"
+#include "core/file/sha256.h"
 #include "core/run/live.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -79,15 +81,39 @@ std::string nameOf(const nlohmann::json& output, const JsonNode& node) {
   return {bytes.begin(), bytes.end()};
 }
 
-std::vector<std::string> outputsOf(const fs::path& folder) {
+struct OwnFile {
+  std::string path;
+  std::string sha256;  // as the run left it; "": it may be writing it, or did so before there was this
+};
+
+std::vector<OwnFile> outputsOf(const fs::path& folder) {
   const fs::path path = folder / kOutputsName;
   if (!fs::exists(path)) return {};
   const std::string name = path.string();
   const nlohmann::json listed = parseJson(readFile(path, kMostOutputsBytes), name);
   const JsonNode node{listed, name, ""};
-  std::vector<std::string> outputs;
-  for (const nlohmann::json& output : node.list("outputs", kMostOutputs)) outputs.push_back(nameOf(output, node));
+  std::vector<OwnFile> outputs;
+  for (const nlohmann::json& output : node.list("outputs", kMostOutputs)) outputs.push_back({nameOf(output, node), ""});
+  if (!node.has("sha256")) return outputs;
+  std::size_t i = 0;
+  for (const nlohmann::json& sum : node.list("sha256", kMostOutputs)) {
+    if (!sum.is_string()) node.fail("sha256: expected texts");
+    if (i < outputs.size()) outputs[i++].sha256 = sum.get<std::string>();
+  }
   return outputs;
+}
+
+void writeOutputs(const fs::path& folder, const std::vector<OwnFile>& outputs) {
+  nlohmann::ordered_json paths = nlohmann::ordered_json::array(), sums = paths;
+  for (const OwnFile& output : outputs) {
+    paths.push_back(jsonOf(output.path));
+    sums.push_back(output.sha256);
+  }
+  writeTextAtomically(folder / kOutputsName, dumpJson({{"outputs", paths}, {"sha256", sums}}) + "\n");
+}
+
+std::string sha256Of(const fs::path& file) {
+  return sha256Hex(readFile(file, std::numeric_limits<std::uint64_t>::max()));
 }
 
 std::string previewName(Stage stage, int iteration) {
@@ -118,8 +144,12 @@ void removePreviews(const fs::path& folder) {
 
 }  // namespace
 
-bool isOutputOf(const fs::path& folder, const fs::path& file) {
-  return std::ranges::count(outputsOf(folder), pathFrom(folder, file)) > 0;
+Ownership ownershipOf(const fs::path& folder, const fs::path& file) {
+  const std::vector<OwnFile> all = outputsOf(folder);
+  const auto found = std::ranges::find(all, pathFrom(folder, file), &OwnFile::path);
+  if (found == all.end()) return Ownership::others;
+  const bool same = found->sha256.empty() || !isFile(file) || sha256Of(file) == found->sha256;
+  return same ? Ownership::own : Ownership::changed;
 }
 
 RunFolder::RunFolder(RunFolderOptions options)
@@ -162,21 +192,26 @@ void RunFolder::leave() {
   if (lock_ >= 0) ::close(lock_);
 }
 
-bool RunFolder::owns(const fs::path& file) const { return has_checkpoint_ && isOutputOf(options_.folder, file); }
+bool RunFolder::owns(const fs::path& file) const {
+  return has_checkpoint_ && ownershipOf(options_.folder, file) == Ownership::own;
+}
 
 void RunFolder::setOwn(const fs::path& file, bool own) const {
-  std::vector<std::string> all = outputsOf(options_.folder);
+  std::vector<OwnFile> all = outputsOf(options_.folder);
   const std::string name = pathFrom(options_.folder, file);
-  if ((std::ranges::count(all, name) > 0) == own) return;
-  if (own) {
-    all.push_back(name);
-  } else {
-    std::erase(all, name);
-  }
+  const std::size_t erased = std::erase_if(all, [&](const OwnFile& output) { return output.path == name; });
+  if (!own && erased == 0) return;
+  if (own) all.push_back({name, ""});
   if (all.size() > kMostOutputs) all.erase(all.begin());
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const std::string& output : all) list.push_back(jsonOf(output));
-  writeTextAtomically(options_.folder / kOutputsName, dumpJson({{"outputs", list}}) + "\n");
+  writeOutputs(options_.folder, all);
+}
+
+void RunFolder::markWritten(const fs::path& file) const {
+  std::vector<OwnFile> all = outputsOf(options_.folder);
+  const auto found = std::ranges::find(all, pathFrom(options_.folder, file), &OwnFile::path);
+  if (found == all.end() || !isFile(file)) return;
+  found->sha256 = sha256Of(file);
+  writeOutputs(options_.folder, all);
 }
 
 double RunFolder::seconds() const {

@@ -37,9 +37,11 @@ struct RunInputs {
   const GaussianModel* context = nullptr;   // likewise
 };
 
-// Whether the run in `folder` wrote `file`, which is not of the folder, by its outputs.json: that has paths from the
-// folder on, so both may be moved together. Throws Error(cannotRead / badData).
-bool isOutputOf(const std::filesystem::path& folder, const std::filesystem::path& file);
+// What a file, which is not of the folder, is to the run in `folder` by its outputs.json: that has paths from the
+// folder on, so both may be moved together. Not `own` is what has changed since the run wrote it. Throws
+// Error(cannotRead / badData).
+enum class Ownership { others, own, changed };
+Ownership ownershipOf(const std::filesystem::path& folder, const std::filesystem::path& file);
 
 // One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.
 class RunFolder {
@@ -65,10 +67,12 @@ class RunFolder {
   // The last checkpoint and model, finished or not. Returns the model's training.json. Throws Error(cannotWrite).
   std::string finish(const Trainer& trainer);
 
-  // Whether isOutputOf() says so of a run that goes on.
+  // Whether ownershipOf() says so of a run that goes on.
   bool owns(const std::filesystem::path& file) const;
   // Makes it so or not: before `file` is written, since who is killed meanwhile is to find it again.
   void setOwn(const std::filesystem::path& file, bool own) const;
+  // After that: from now on it is its own only as it is now.
+  void markWritten(const std::filesystem::path& file) const;
 
   // Wall time of the run, all its sessions together.
   double seconds() const;
