@@ -396,8 +396,9 @@ std::vector<Prepared> preparedFromJson(const std::string& json) {
     const JsonNode entry{value, path, "photograph " + std::to_string(photographs.size())};
     Prepared& photograph = photographs.emplace_back();
     photograph.name = entry.string("name");
-    const bool plain = std::ranges::all_of(
-        photograph.name, [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; });
+    const bool plain = std::ranges::all_of(photograph.name, [](unsigned char c) {
+      return std::isalnum(c) || c == '_' || c == '-' || c == '.' || c >= 0x80;
+    });
     if (!plain || photograph.name.starts_with(".")) entry.fail("no plain name");
     photograph.source = entry.string("source");
     photograph.width = static_cast<int>(entry.integer("width", 1, 1 << 20));

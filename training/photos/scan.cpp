@@ -13,6 +13,7 @@
 #include <iterator>
 #include <limits>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -282,16 +283,37 @@ bool isForPhotos(const fs::path& path) {
   }
 }
 
+namespace {
+
+bool isBeyondAscii(char c) { return static_cast<unsigned char>(c) >= 0x80; }
+
+// What is equal for names that some file system takes for one: which letters beyond ASCII are another's capital is
+// more than this program knows.
+std::string withoutCase(const std::string& name) {
+  std::string plain;
+  for (const char c : lowerCase(name)) {
+    if (!isBeyondAscii(c)) plain += c;
+    if (isBeyondAscii(c) && !plain.ends_with('\x80')) plain += '\x80';
+  }
+  return plain;
+}
+
+}  // namespace
+
 std::vector<std::string> plainNames(const std::vector<fs::path>& photographs) {
   std::vector<std::string> names;
-  std::set<std::string> taken;  // in lower case
-  const auto isNew = [&](const std::string& name) { return taken.insert(lowerCase(name)).second; };
+  std::set<std::string> taken;
+  const auto isNew = [&](const std::string& name) { return taken.insert(withoutCase(name)).second; };
   for (const fs::path& photograph : photographs) {
-    std::string plain = fs::path(photograph).replace_extension().string().substr(0, kLongestName);
+    std::string plain = fs::path(photograph).replace_extension().string();
     for (char& c : plain) {
       const bool kept = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-';
-      if (!kept) c = '_';
+      if (!kept && !isBeyondAscii(c)) c = '_';
     }
+    if (!nlohmann::json::accept('"' + plain + '"')) std::ranges::replace_if(plain, isBeyondAscii, '_');  // no UTF-8
+    std::size_t end = std::min(plain.size(), kLongestName);
+    while (end < plain.size() && (static_cast<unsigned char>(plain[end]) & 0xc0) == 0x80) --end;  // within a letter
+    plain.resize(end);
     std::string name = plain;
     for (int copy = 2; !isNew(name); ++copy) name = plain + "_" + std::to_string(copy);
     names.push_back(name);

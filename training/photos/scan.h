@@ -45,7 +45,8 @@ std::vector<PhotographCopy> takeOutCopies(const std::filesystem::path& folder,
 bool isForPhotos(const std::filesystem::path& path);
 
 // A name for a copy of each photograph: its own where that is letters, digits, '_', '-', else with '_' in their place,
-// the folders before it; no two alike on any file system. Without extension.
+// the folders before it; no two alike on any file system. Letters are ASCII's, or all that UTF-8 has beyond it. Without
+// extension.
 std::vector<std::string> plainNames(const std::vector<std::filesystem::path>& photographs);
 
 }  // namespace tg

@@ -600,6 +600,16 @@ TEST_CASE("photographs that are numbered without zeros stand in the order of the
 }
 
 TEST_CASE("copies have plain names, each its own", "[photos]") {
-  CHECK(tg::plainNames({"IMG 1.jpg", "IMG_1.JPG", "a/b'\n\".heic", "img_1.png", "\xc3\xa4.jpg"}) ==
-        std::vector<std::string>{"IMG_1", "IMG_1_2", "a_b___", "img_1_3", "__"});
+  CHECK(tg::plainNames({"IMG 1.jpg", "IMG_1.JPG", "a/b'\n\".heic", "img_1.png"}) ==
+        std::vector<std::string>{"IMG_1", "IMG_1_2", "a_b___", "img_1_3"});
+  // Letters of UTF-8 stay. File systems that do not tell capitals apart do not do so beyond ASCII either.
+  CHECK(tg::plainNames({"\xe7\x85\xa7\xe7\x89\x87 1.jpg", "\xc3\xa4.jpg", "\xc3\x84.jpg", "\xe4.jpg"}) ==
+        std::vector<std::string>{"\xe7\x85\xa7\xe7\x89\x87_1", "\xc3\xa4", "\xc3\x84_2", "_"});
+  tg::Prepared prepared;
+  prepared.name = "\xc3\x84_2.jpg";
+  prepared.width = prepared.height = 1;
+  CHECK(tg::preparedFromJson(tg::toJson({prepared})).front().name == prepared.name);
+  std::string many = "x";
+  for (int i = 0; i < 50; ++i) many += "\xc3\xa4";
+  CHECK(tg::plainNames({many + ".jpg"}).front() == many.substr(0, 79));
 }
