@@ -183,7 +183,7 @@ void findMasks(const fs::path& folder, const std::string& images, MaskMeaning me
   } else if (!mask_folders.empty()) {
     notes.push_back(mask_folders.front() +
                     " holds no mask that goes with a photograph (expected NAME.EXTENSION.png, "
-                    "NAME.EXTENSION.mask.png or NAME.png)");
+                    "NAME.EXTENSION.mask.png, NAME.png or NAME_mask.png)");
   }
 }
 
@@ -606,8 +606,9 @@ double sceneExtent(const Dataset& dataset, double distances) {
 }
 
 fs::path maskNamedFor(const fs::path& name) {
+  const std::string stem = fs::path(name).replace_extension().string();
   for (const fs::path& candidate : {fs::path(name.string() + ".png"), fs::path(name.string() + ".mask.png"),
-                                    fs::path(name).replace_extension(".png")}) {
+                                    fs::path(stem + ".png"), fs::path(stem + "_mask.png")}) {
     if (isFile(candidate)) return candidate;
   }
   return {};

@@ -97,7 +97,7 @@ double cameraExtent(const Dataset& dataset);
 double sceneExtent(const Dataset& dataset, double distances);
 
 // The mask of a photograph NAME in a folder of masks: the first that exists of NAME.png (as COLMAP names them),
-// NAME.mask.png and NAME with the extension png; empty: none.
+// NAME.mask.png, NAME with the extension png, and with _mask.png in its place; empty: none.
 std::filesystem::path maskNamedFor(const std::filesystem::path& name);
 
 // In order.

@@ -65,6 +65,7 @@ bool writePhotograph(const fs::path& folder, const std::string& name, const Phot
     // One of an earlier photograph would be found by its name.
     std::error_code ignored;
     for (const char* end : {"", ".png", ".mask.png"}) fs::remove(folder / "masks" / (name + end), ignored);
+    fs::remove(folder / "masks" / (fs::path(name).replace_extension().string() + "_mask.png"), ignored);
     return false;
   }
   Image mask(pixels.width, pixels.height, 1);

@@ -61,6 +61,40 @@ std::string filmWords(const fs::path& folder, const PhotographList& list) {
                   (list.films.empty() ? "" : "; it holds " + filmWords(input, list)));
 }
 
+// What is seen of a picture from afar: its light over a grid of at most kGlance x kGlance.
+constexpr int kGlance = 32;
+std::vector<float> glanceAt(const Image& image) {
+  const Image small = reducedTo(image, std::min(kGlance, image.width), std::min(kGlance, image.height));
+  const std::size_t channels = small.channels;
+  std::vector<float> light(small.data.size() / channels);
+  for (std::size_t i = 0; i < light.size(); ++i) {
+    const float* const pixel = &small.data[i * channels];
+    light[i] = channels == 1 ? pixel[0] : 0.299f * pixel[0] + 0.587f * pixel[1] + 0.114f * pixel[2];
+    if (channels == 4) light[i] *= pixel[3];
+  }
+  return light;
+}
+// One picture in two formats differs by up to 0.025 anywhere (JPEG and WebP of quality 30), the nearest views of one
+// scene by 0.18 somewhere (fern, fox, lego, printshop).
+bool lookAlike(const std::vector<float>& a, const std::vector<float>& b) {
+  constexpr float kSame = 0.06f;
+  return std::ranges::equal(a, b, [](float x, float y) { return std::abs(x - y) <= kSame; });
+}
+
+bool differInExtension(const fs::path& a, const fs::path& b) {
+  return fs::path(a).replace_extension() == fs::path(b).replace_extension();
+}
+
+// A photograph whose name others have with another extension.
+struct Namesake {
+  fs::path source;   // below the folder
+  std::string name;  // below images/
+  int width = 0;
+  int height = 0;
+  std::vector<float> glance;
+  bool masked = false;
+};
+
 // A photograph as it is kept: bytes as they are where nothing has to be done.
 Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_side, const fs::path& folder,
               const std::string& plain_name) {
@@ -97,12 +131,17 @@ std::string nameFrom(const fs::path& folder, const fs::path& file) {
   return fs::absolute(file).lexically_normal().lexically_relative(placeOf(folder)).string();
 }
 
+// The folder of masks beside an input that is called images; empty for another.
+fs::path masksBeside(const fs::path& input) {
+  const fs::path place = placeOf(input);
+  return place.filename() == "images" ? place.parent_path() / "masks" : fs::path();
+}
+
 // The mask of a photograph by their names: in a folder masks anywhere along the photograph's path, where it may stand
 // in the place of one called images, also if the input itself is called so. Empty: none.
 fs::path maskOf(const fs::path& input, const fs::path& photograph) {
   std::vector<fs::path> names;
-  const fs::path place = placeOf(input);
-  if (place.filename() == "images") names.push_back(place.parent_path() / "masks" / photograph);
+  if (const fs::path beside = masksBeside(input); !beside.empty()) names.push_back(beside / photograph);
   fs::path above = input;
   for (auto part = photograph.begin(); part != photograph.end(); above /= *part++) {
     const auto from = [&](fs::path::iterator begin) {
@@ -185,6 +224,35 @@ std::size_t keepMasks(std::vector<FoundMask> masks, const fs::path& input, const
   return kept;
 }
 
+void tellOfOthers(const fs::path& input, const PhotographList& list, const PhotosListener& listener) {
+  if (!list.ignored.empty()) {
+    listener.warn(input.string() + ": ignored, no photographs: " + someOf(list.ignored));
+  }
+  if (!list.drawn.empty()) {
+    std::vector<std::string> drawn;
+    for (const fs::path& picture : list.drawn) drawn.push_back(picture.string());
+    listener.warn(input.string() + ": left out, " + std::to_string(drawn.size()) +
+                  (drawn.size() == 1 ? " picture" : " pictures") +
+                  " that a program of this project drew: " + someOf(drawn));
+  }
+  if (!list.unread.empty()) listener.warn(input.string() + ": ignored, " + unreadWords(list));
+  if (!list.films.empty()) listener.warn(input.string() + ": ignored, " + filmWords(input, list));
+}
+
+// All that there are.
+std::set<fs::path> masksFor(const fs::path& input, const PhotographList& list) {
+  std::set<fs::path> masks;
+  for (const fs::path& mask : list.masks) masks.insert(input / mask);
+  std::error_code ignored;
+  if (const fs::path beside = masksBeside(input); fs::is_directory(beside, ignored)) {
+    const PhotographList there = findPhotographs(beside);
+    for (const auto* pictures : {&there.photographs, &there.drawn, &there.masks}) {
+      for (const fs::path& mask : *pictures) masks.insert(beside / mask);
+    }
+  }
+  return masks;
+}
+
 std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path& folder, const fs::path& masks,
                                     const PhotosListener& listener, const std::atomic<int>& stop) {
   PhotographList list = findPhotographs(options.input);
@@ -193,23 +261,13 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
     copies.push_back(copy.string() + " (of " + original.string() + ")");
   }
   if (!copies.empty()) listener.warn(options.input.string() + ": left out, copies: " + someOf(copies));
-  if (!list.ignored.empty()) {
-    listener.warn(options.input.string() + ": ignored, no photographs: " + someOf(list.ignored));
-  }
-  if (!list.drawn.empty()) {
-    std::vector<std::string> drawn;
-    for (const fs::path& picture : list.drawn) drawn.push_back(picture.string());
-    listener.warn(options.input.string() + ": left out, " + std::to_string(drawn.size()) +
-                  (drawn.size() == 1 ? " picture" : " pictures") +
-                  " that a program of this project drew: " + someOf(drawn));
-  }
-  if (!list.unread.empty()) listener.warn(options.input.string() + ": ignored, " + unreadWords(list));
-  if (!list.films.empty()) listener.warn(options.input.string() + ": ignored, " + filmWords(options.input, list));
+  tellOfOthers(options.input, list, listener);
   const std::vector<std::string> names = plainNames(list.photographs);
   std::vector<Prepared> prepared;
-  std::set<fs::path> without_photograph;
-  for (const fs::path& mask : list.masks) without_photograph.insert(options.input / mask);
+  std::set<fs::path> without_photograph = masksFor(options.input, list);
   std::vector<FoundMask> found;
+  std::vector<Namesake> namesakes;  // of a photograph, those before it
+  std::vector<std::string> in_another_format;
   int largest = 0;  // [px] of the longer sides
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (stop != 0) throw Stopped();
@@ -217,13 +275,32 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
     const fs::path source = options.input / list.photographs[i];
     const fs::path mask = maskOf(options.input, list.photographs[i]);
     without_photograph.erase(mask);
+    const auto isNamesake = [&](std::size_t other) {  // they stand beside each other
+      return other < names.size() && differInExtension(list.photographs[other], list.photographs[i]);
+    };
+    if (!isNamesake(i - 1)) namesakes.clear();
     try {
       TakenPhotograph photograph = readPhotograph(source);
       const int orientation = photograph.facts.orientation;
       const int width = photograph.image.width, height = photograph.image.height;
+      if (isNamesake(i - 1) || isNamesake(i + 1)) {
+        const std::vector<float> glance = glanceAt(photograph.image);
+        const auto original = std::ranges::find_if(namesakes, [&](const Namesake& other) {
+          return other.width == width && other.height == height && lookAlike(other.glance, glance);
+        });
+        if (original != namesakes.end()) {
+          in_another_format.push_back(list.photographs[i].string() + " (of " + original->source.string() + ")");
+          if (!mask.empty() && !std::exchange(original->masked, true)) {
+            found.push_back({mask, orientation, width, height, masks / (original->name + ".png")});
+          }
+          continue;
+        }
+        namesakes.push_back({list.photographs[i], "", width, height, glance, !mask.empty()});
+      }
       largest = std::max({largest, width, height});
       prepared.push_back(keep(source, std::move(photograph), options.longest_side, folder, names[i]));
       prepared.back().source = list.photographs[i].string();
+      if (!namesakes.empty()) namesakes.back().name = prepared.back().name;
       if (mask.empty()) continue;
       found.push_back({mask, orientation, width, height, masks / (prepared.back().name + ".png")});
     } catch (const Error& error) {
@@ -231,14 +308,17 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
       listener.warn(std::string(error.what()) + ": left out");
     }
   }
+  if (!in_another_format.empty()) {
+    listener.warn(options.input.string() + ": left out, copies in another format: " + someOf(in_another_format));
+  }
   if (const std::size_t masked = keepMasks(std::move(found), options.input, listener, stop); masked > 0) {
     listener.say(std::to_string(masked) + " of " + std::to_string(prepared.size()) + " photographs have a mask");
   }
   if (!without_photograph.empty()) {
     std::vector<std::string> ignored;
-    for (const fs::path& mask : without_photograph) ignored.push_back(mask.lexically_relative(options.input).string());
+    for (const fs::path& mask : without_photograph) ignored.push_back(nameFrom(options.input, mask));
     listener.warn(options.input.string() + ": ignored, masks of no photograph: " + someOf(ignored) +
-                  " (expected NAME.EXTENSION.png, NAME.EXTENSION.mask.png or NAME.png)");
+                  " (expected NAME.EXTENSION.png, NAME.EXTENSION.mask.png, NAME.png or NAME_mask.png)");
   }
   listener.progress("preparing photographs", names.size(), names.size());
   if (prepared.size() < kFewestPhotographs) tooFew(options.input, prepared.size(), list);

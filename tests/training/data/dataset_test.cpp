@@ -590,13 +590,16 @@ TEST_CASE("masks are found by name, or named by a frame", "[dataset]") {
     writeMask(folder / "masks/image1.png", 5);  // the longer name goes first
     writeMask(folder / "masks/image2.png.mask.png", 4);
     writeMask(folder / "masks/image3.png", 6);
+    writeMask(folder / "masks/image3_mask.png", 7);  // the last of the names
+    writeMask(folder / "masks/image4_mask.png", 8);
     const tg::Dataset dataset = loadDataset(folder.path, all);
     CHECK(hidden(dataset, 0) == -1);
     CHECK(hidden(dataset, 1) == 3);
     CHECK(hidden(dataset, 2) == 4);
     CHECK(hidden(dataset, 3) == 6);
+    CHECK(hidden(dataset, 4) == 8);
     REQUIRE(dataset.notes.size() == 1);
-    CHECK_THAT(dataset.notes[0], Contains("3 of 10 photographs have a mask"));
+    CHECK_THAT(dataset.notes[0], Contains("4 of 10 photographs have a mask"));
     DatasetOptions background = all;
     background.masks = tg::MaskMeaning::background;
     const tg::Dataset cut = loadDataset(folder.path, background);

@@ -158,6 +158,7 @@ TEST_CASE("of a data set that is replaced no masks and no points stay", "[datase
   tg::TemporaryFolder folder;
   tg::writeDataset(folder / "out", dataset(), false);
   CHECK(fs::exists(folder / "out/masks/y.png"));
+  fs::copy_file(folder / "out/masks/y.png", folder / "out/masks/y_mask.png");
   tg::Dataset bare = dataset();
   bare.points = {};
   std::vector<tg::Photograph> photographs;
@@ -168,6 +169,7 @@ TEST_CASE("of a data set that is replaced no masks and no points stay", "[datase
   bare.photographs = tg::storeInMemory(std::move(photographs));
   tg::writeDataset(folder / "out", bare, true);
   CHECK_FALSE(fs::exists(folder / "out/masks/y.png"));
+  CHECK_FALSE(fs::exists(folder / "out/masks/y_mask.png"));
   CHECK_FALSE(fs::exists(folder / "out/points3d.ply"));
   for (const char* name : {"masks", "points3d.ply"}) {
     tg::TemporaryFolder other;

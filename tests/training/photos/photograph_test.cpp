@@ -424,7 +424,10 @@ TEST_CASE("masks go with their photographs and are turned with them", "[photos]"
   tg::writeImage(folder / "in/f.jpg", tg::turned(picture(), 2));
   mask("f.jpg.mask.png", 40, 30);
   CHECK_THAT(prepared(folder).second, Contains("4 of 5 photographs have a mask"));
-  CHECK_THAT(prepared(folder, "in/images").second, Contains("3 of 4 photographs have a mask"));
+  CHECK_THAT(
+      prepared(folder, "in/images").second,
+      Contains("3 of 4 photographs have a mask") &&
+          Contains("in/images: ignored, masks of no photograph: ../masks/e.jpg.png, ../masks/f.jpg.mask.png (exp"));
 }
 
 TEST_CASE("masks whose shape does not show how they lie do so as the others", "[photos]") {
@@ -536,6 +539,45 @@ TEST_CASE("a photograph of another's bytes is its copy, one of its size alone is
   }
   CHECK(copies == "c.jpg of a.jpg\nd.jpg of b.jpg\ng.jpg of a.jpg\n");
   CHECK(photographs == std::vector<fs::path>{"a.jpg", "absent.jpg", "b.jpg", "e.jpg", "f.jpg"});
+}
+
+TEST_CASE("one picture in two formats is one photograph, two pictures of one name are two", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const auto put = [&](const std::string& name, int orientation, float light) {
+    fs::create_directories((folder / "in" / name).parent_path());
+    tg::Image image = tg::turned(picture(), orientation);
+    for (float& value : image.data) value *= light;
+    tg::writeImage(folder / "in" / name, image);
+  };
+  put("a.jpg", 1, 1);
+  put("a.png", 1, 1);
+  put("a 2.png", 1, 0.99f);  // another name
+  put("sub/a.png", 1, 0.98f);
+  put("b.jpg", 1, 0.97f);
+  put("b.png", 2, 0.97f);  // another picture
+  put("d.jpg", 1, 0.96f);
+  put("d.png", 1, 0.7f);
+  put("e.png", 6, 1);
+  writeJpegWithExif(folder / "in/e.jpg", kBlock);  // is turned
+  // Neither COLMAP nor the score should see a twin, but its mask counts.
+  for (const char* name : {"a.png.png", "e.jpg.png", "e.png.png"}) {
+    fs::create_directories(folder / "in/masks");
+    tg::writeImage(folder / "in/masks" / name,
+                   name[0] == 'a' ? tg::Image(40, 30, 1, 1.0f) : tg::Image(30, 40, 1, 1.0f));
+  }
+  const auto [names, said] = prepared(folder);
+  CHECK(names ==
+        std::vector<std::string>{"a.jpg", "a_2_2.png", "b.jpg", "b_2.png", "d.jpg", "d_2.png", "e.jpg", "sub_a.png"});
+  CHECK_THAT(said, Contains("in: left out, copies in another format: a.png (of a.jpg), e.png (of e.jpg)\n"));
+  CHECK_THAT(said, Contains("2 of 8 photographs have a mask"));
+  CHECK((fs::exists(folder / "masks/a.jpg.png") && fs::exists(folder / "masks/e.jpg.png")));
+
+  const auto encoder = tg::findProgram("heif-enc");
+  TG_SKIP_IF(encoder ? "" : "no heif-enc");
+  const std::string name = (folder / "in/a").string();
+  REQUIRE(std::system(
+              (encoder->string() + " -q 60 '" + name + ".jpg' -o '" + name + ".heic' >/dev/null 2>&1").c_str()) == 0);
+  CHECK_THAT(prepared(folder).second, Contains("format: a.jpg (of a.heic), a.png (of a.heic), e.png (of e.jpg)\n"));
 }
 
 TEST_CASE("what was drawn or made among photographs is none of them, unless there are no others", "[photos]") {
