@@ -43,6 +43,12 @@ std::string someOf(const std::vector<std::string>& names) {
 std::string unreadWords(const PhotographList& list) {
   return "pictures in formats that are not read: " + someOf(list.unread) + " (export them as JPEG)";
 }
+std::string drawnWords(const PhotographList& list) {
+  std::vector<std::string> names;
+  for (const fs::path& picture : list.drawn) names.push_back(picture.string());
+  return std::to_string(names.size()) + (names.size() == 1 ? " picture" : " pictures") +
+         " that a program of this project drew: " + someOf(names);
+}
 std::string filmWords(const fs::path& folder, const PhotographList& list) {
   return someOf(list.films) + " (a film has a command of its own: `tgtrain photos " +
          (folder / list.films.front()).string() + " -o model.tgz`)";
@@ -56,6 +62,7 @@ std::string filmWords(const fs::path& folder, const PhotographList& list) {
                                     " JPEG, PNG, WebP or HEIC files, better 30 to 200",
                                 std::to_string(found)) +
                   (list.ignored.empty() ? "" : "; no photographs by their bytes: " + someOf(list.ignored)) +
+                  (list.drawn.empty() ? "" : "; it holds " + drawnWords(list)) +
                   (list.masks.empty() ? "" : "; what lies in a folder `masks` counts as masks") +
                   (list.unread.empty() ? "" : "; it holds " + unreadWords(list)) +
                   (list.films.empty() ? "" : "; it holds " + filmWords(input, list)));
@@ -228,13 +235,7 @@ void tellOfOthers(const fs::path& input, const PhotographList& list, const Photo
   if (!list.ignored.empty()) {
     listener.warn(input.string() + ": ignored, no photographs: " + someOf(list.ignored));
   }
-  if (!list.drawn.empty()) {
-    std::vector<std::string> drawn;
-    for (const fs::path& picture : list.drawn) drawn.push_back(picture.string());
-    listener.warn(input.string() + ": left out, " + std::to_string(drawn.size()) +
-                  (drawn.size() == 1 ? " picture" : " pictures") +
-                  " that a program of this project drew: " + someOf(drawn));
-  }
+  if (!list.drawn.empty()) listener.warn(input.string() + ": left out, " + drawnWords(list));
   if (!list.unread.empty()) listener.warn(input.string() + ": ignored, " + unreadWords(list));
   if (!list.films.empty()) listener.warn(input.string() + ": ignored, " + filmWords(input, list));
 }

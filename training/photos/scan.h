@@ -19,7 +19,7 @@ PictureFormat pictureFormat(std::span<const std::uint8_t> start);
 PictureFormat pictureFormat(const std::filesystem::path& file);
 
 struct PhotographList {
-  std::vector<std::filesystem::path> photographs;  // below the folder, sorted by name
+  std::vector<std::filesystem::path> photographs;  // below the folder, by name, in the order of their numbers
   std::vector<std::filesystem::path> drawn;        // pictures of these programs, left out where there are photographs
   std::vector<std::filesystem::path> masks;        // pictures in folders called masks, below the folder, sorted
   std::vector<std::string> unread;                 // pictures in formats that are not read: RAW, TIFF, JPEG XL

@@ -616,6 +616,8 @@ TEST_CASE("pictures that were drawn are left out and named", "[photos]") {
   const auto [names, said] = prepared(folder);
   CHECK(names == std::vector<std::string>{"0.png", "1.png", "2.png"});
   CHECK_THAT(said, Contains("in: left out, 1 picture that a program of this project drew: model.png\n"));
+  fs::remove(folder / "in/0.png");
+  CHECK_THROWS_WITH(tg::madeOf(options), Contains("found 2); it holds 1 picture that a program of this project drew"));
 }
 
 TEST_CASE("photographs that are numbered without zeros stand in the order of their numbers", "[photos]") {
