@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "converter/gltf/axes.h"
@@ -72,10 +71,10 @@ Json contentOf(const GaussianModel& model, std::size_t spz_bytes) {
 }
 
 std::vector<std::uint8_t> glbOf(const GaussianModel& model, const std::vector<std::uint8_t>& spz) {
-  std::string json = dumpJson(contentOf(model, spz.size()));
-  json.resize((json.size() + 3) / 4 * 4, ' ');
+  std::string text = dumpJson(contentOf(model, spz.size()));
+  text.resize((text.size() + 3) / 4 * 4, ' ');
   const std::size_t padded = (spz.size() + 3) / 4 * 4;
-  std::vector<std::uint8_t> glb = glbHead(json, padded);
+  std::vector<std::uint8_t> glb = glbHead(text, padded);
   glb.insert(glb.end(), spz.begin(), spz.end());
   glb.resize(glb.size() + padded - spz.size());
   return glb;
@@ -84,17 +83,18 @@ std::vector<std::uint8_t> glbOf(const GaussianModel& model, const std::vector<st
 // A tile's z is up: glTF's y, the model's -y. The draft turns an SPZ half around that axis and CesiumJS does not, so
 // the box lies alike on both sides of it.
 Json tilesetOf(const GaussianModel& model, const std::string& content) {
-  double aside = 0, least = INFINITY, most = -INFINITY;
+  double right = 0, ahead = 0, least = INFINITY, most = -INFINITY;
   for (std::size_t i = 0; i < model.size(); ++i) {
     const glm::dvec3 mean = model.mean[i];
     const glm::vec3& s = model.log_scale[i];
     const double reach = kReach * std::exp(double{std::min(std::max({s.x, s.y, s.z}), kLargestLogScale)});
-    aside = std::max(aside, std::max(std::abs(mean.x), std::abs(mean.z)) + reach);
+    right = std::max(right, std::abs(mean.x) + reach);
+    ahead = std::max(ahead, std::abs(mean.z) + reach);
     least = std::min(least, -mean.y - reach);
     most = std::max(most, -mean.y + reach);
   }
   const double middle = (least + most) / 2, half = (most - least) / 2;
-  Json tile = {{"boundingVolume", {{"box", {0.0, 0.0, middle, aside, 0.0, 0.0, 0.0, aside, 0.0, 0.0, 0.0, half}}}},
+  Json tile = {{"boundingVolume", {{"box", {0.0, 0.0, middle, right, 0.0, 0.0, 0.0, ahead, 0.0, 0.0, 0.0, half}}}},
                {"geometricError", 0.0},
                {"refine", "ADD"},
                {"content", {{"uri", content}}}};
@@ -102,7 +102,7 @@ Json tilesetOf(const GaussianModel& model, const std::string& content) {
   tileset["extensions"]["3DTILES_content_gltf"] = {{"extensionsUsed", kExtensions},
                                                    {"extensionsRequired", kExtensions}};
   // [world units] what is missing where the tile is not drawn: all of it.
-  tileset["geometricError"] = 2 * std::sqrt(2 * aside * aside + half * half);
+  tileset["geometricError"] = 2 * std::hypot(right, ahead, half);
   tileset["root"] = std::move(tile);
   return tileset;
 }
@@ -121,17 +121,12 @@ TilesReport writeTiles(const std::filesystem::path& path, const GaussianModel& m
   const std::vector<std::uint8_t> glb = glbOf(model, formatSpz(model, path.string(), report.spz, kOldestSpz));
   const std::string tileset = dumpJson(tilesetOf(model, uriOf(content)), 2) + "\n";
   const std::filesystem::path folder = path.parent_path();
-  const bool made = !folder.empty() && createFolder(folder);
-  try {
-    AtomicFiles files(replace);
-    files.add(folder / content, glb);
-    files.add(path, bytesOf(tileset));
-    files.commit();
-  } catch (...) {
-    std::error_code ignored;
-    if (made) std::filesystem::remove(folder, ignored);
-    throw;
-  }
+  FolderToFill filled(folder.empty() ? "." : folder);
+  AtomicFiles files(replace);
+  files.add(folder / content, glb);
+  files.add(path, bytesOf(tileset));
+  files.commit();
+  filled.keep();
   report.bytes = glb.size() + tileset.size();
   return report;
 }

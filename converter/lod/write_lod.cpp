@@ -279,29 +279,23 @@ class Writer {
       report_.counts.push_back(std::accumulate(level.begin(), level.end(), std::uint64_t{0}));
     }
     const fs::path parent = path_.parent_path().empty() ? fs::path(".") : path_.parent_path();
-    std::error_code status;
-    const bool made = !fs::exists(parent, status);
-    if (made) createFolder(parent);
-    try {
-      requireWritable(path_);
-      const std::vector<fs::path> before = filesBefore(path_);
-      NewFolder folder(parent);
-      const std::string cameras = source_.cameras.empty() ? "" : storedCameras(source_.cameras, path_.string());
-      makeLevels(counts);
-      writeFiles(folder.path());
-      if (!cameras.empty()) add(folder.path() / kCamerasName, cameras);
-      const std::string name = folder.settle();
-      const std::string meta = dumpJson(metaOf(counts, name));
-      // What is there goes for what can be read.
-      (void)parseLodScene({reinterpret_cast<const std::uint8_t*>(meta.data()), meta.size()}, path_.string());
-      writeTextAtomically(path_, meta);
-      folder.keep();
-      bytes_ += meta.size();
-      removeFiles(before, parent);
-    } catch (...) {
-      if (made) fs::remove(parent, status);
-      throw;
-    }
+    FolderToFill filled(parent);
+    requireWritable(path_);
+    const std::vector<fs::path> before = filesBefore(path_);
+    NewFolder folder(parent);
+    const std::string cameras = source_.cameras.empty() ? "" : storedCameras(source_.cameras, path_.string());
+    makeLevels(counts);
+    writeFiles(folder.path());
+    if (!cameras.empty()) add(folder.path() / kCamerasName, cameras);
+    const std::string name = folder.settle();
+    const std::string meta = dumpJson(metaOf(counts, name));
+    // What is there goes for what can be read.
+    (void)parseLodScene({reinterpret_cast<const std::uint8_t*>(meta.data()), meta.size()}, path_.string());
+    writeTextAtomically(path_, meta);
+    folder.keep();
+    bytes_ += meta.size();
+    removeFiles(before, parent);
+    filled.keep();
     report_.files = files_.size();
     report_.bytes = bytes_;
     report_.clipped_texels = clipped_texels_;

@@ -5,13 +5,32 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
+
+#include "core/system/temporary_files.h"
 
 namespace tg {
 
 // Makes the folder where it is not there, its parent being; whether it did. Throws Error(cannotWrite).
 bool createFolder(const std::filesystem::path& folder);
+
+// The folder that files are written into, its parent being there. One that was not there is made, and gone again, if
+// nothing is in it, when this ends without keep() or when a signal ends the program before.
+class FolderToFill {
+ public:
+  // Throws Error(cannotWrite).
+  explicit FolderToFill(const std::filesystem::path& folder);
+  ~FolderToFill();
+  FolderToFill& operator=(FolderToFill&&) = delete;
+
+  void keep() { named_.reset(); }
+
+ private:
+  const std::filesystem::path folder_;
+  std::optional<RemovedBySignal> named_;  // none: it was there, or is kept
+};
 
 // Files that belong together, as a .gltf and what it refers to: add() writes each to a temporary name beside its own,
 // commit() gives them their names in that order. Without it nothing is left behind, and what was there before stays.

@@ -238,6 +238,17 @@ bool createFolder(const std::filesystem::path& folder) {
   return made;
 }
 
+FolderToFill::FolderToFill(const std::filesystem::path& folder) : folder_(folder) {
+  std::error_code ignored;
+  if (std::filesystem::exists(folder_, ignored)) return;
+  named_.emplace(folder_, true);  // before it is there: a signal may come at once
+  if (!createFolder(folder_)) keep();
+}
+
+FolderToFill::~FolderToFill() {
+  if (named_) ::rmdir(folder_.c_str());
+}
+
 AtomicFiles::AtomicFiles(bool replace) : replace_(replace && replaces) {}
 AtomicFiles::~AtomicFiles() = default;
 

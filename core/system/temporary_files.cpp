@@ -19,6 +19,7 @@ namespace tg {
 struct RemovedBySignal::Slot {
   std::atomic<bool> taken{false};
   std::atomic<bool> named{false};
+  std::atomic<bool> if_empty{false};
   char path[PATH_MAX] = {};
 };
 
@@ -80,7 +81,7 @@ bool removeFolder(int at, const char* name, int depth) noexcept {
 
 }  // namespace
 
-RemovedBySignal::RemovedBySignal(const std::filesystem::path& path) {
+RemovedBySignal::RemovedBySignal(const std::filesystem::path& path, bool if_empty) {
   ++alive;  // before it looks: who ends the program sees one of the two
   ++alive_here;
   waitForTheEnd();
@@ -88,6 +89,7 @@ RemovedBySignal::RemovedBySignal(const std::filesystem::path& path) {
   for (Slot& slot : slots) {
     if (slot.taken.exchange(true)) continue;
     std::memcpy(slot.path, path.c_str(), path.native().size() + 1);
+    slot.if_empty = if_empty;
     slot.named = true;
     slot_ = &slot;
     return;
@@ -105,7 +107,8 @@ RemovedBySignal::~RemovedBySignal() {
 
 void removeTemporaryFiles() noexcept {
   for (RemovedBySignal::Slot& slot : slots) {
-    if (!slot.named || ::unlink(slot.path) == 0 || (errno != EISDIR && errno != EPERM)) continue;
+    if (!slot.named || slot.if_empty) continue;
+    if (::unlink(slot.path) == 0 || (errno != EISDIR && errno != EPERM)) continue;
     // Under another name no thread puts more files into it.
     char moved[PATH_MAX + 1];
     const std::size_t length = std::strlen(slot.path);
@@ -113,6 +116,9 @@ void removeTemporaryFiles() noexcept {
     std::memcpy(moved + length, "~", 2);
     const bool away = ::rename(slot.path, moved) == 0;
     removeFolder(AT_FDCWD, away ? moved : slot.path, 0);
+  }
+  for (RemovedBySignal::Slot& slot : slots) {
+    if (slot.named && slot.if_empty) ::rmdir(slot.path);
   }
 }
 

@@ -5,11 +5,12 @@
 
 namespace tg {
 
-// A file, or a folder with what is in it, that removeTemporaryFiles() removes while this lives. Of more than 32 at a
-// time, the others are left behind.
+// A file, or a folder with what is in it, that removeTemporaryFiles() removes while this lives; `if_empty`: a folder
+// that may be somebody else's by then, once the others are removed and if that leaves nothing in it. Of more than 32 at
+// a time, the others are left behind.
 class RemovedBySignal {
  public:
-  explicit RemovedBySignal(const std::filesystem::path& path);
+  explicit RemovedBySignal(const std::filesystem::path& path, bool if_empty = false);
   ~RemovedBySignal();
   RemovedBySignal& operator=(RemovedBySignal&&) = delete;
 

@@ -147,6 +147,47 @@ TEST_CASE("a signal handler removes a folder that is half written, with all that
   REQUIRE(tg::readFile(folder / "a", 10) == Bytes{7});
 }
 
+TEST_CASE("a folder that was made for files goes with what failed or was interrupted unless something is in it") {
+  const tg::TemporaryFolder folder;
+  const std::filesystem::path made = folder / "made";
+  {
+    const tg::FolderToFill filled(made);
+  }
+  REQUIRE_FALSE(std::filesystem::exists(made));
+  for (const bool by_signal : {false, true}) {
+    {
+      const tg::FolderToFill filled(made);
+      tg::AtomicFiles files;
+      files.add(made / "a", Bytes{7});
+      REQUIRE(std::filesystem::exists(made));
+      if (!by_signal) continue;
+      tg::removeTemporaryFiles();
+      REQUIRE_FALSE(std::filesystem::exists(made));
+    }
+    REQUIRE_FALSE(std::filesystem::exists(made));
+  }
+  {
+    const tg::FolderToFill filled(made);
+    tg::writeFileAtomically(made / "of somebody else", Bytes{1});
+    tg::removeTemporaryFiles();
+  }
+  REQUIRE(fileCount(made) == 1);
+  std::filesystem::remove_all(made);
+  std::filesystem::create_directory(made);  // empty, but not ours
+  {
+    const tg::FolderToFill filled(made);
+    tg::removeTemporaryFiles();
+  }
+  REQUIRE(std::filesystem::exists(made));
+  std::filesystem::remove(made);
+  {
+    tg::FolderToFill filled(made);
+    filled.keep();
+    tg::removeTemporaryFiles();
+  }
+  REQUIRE(std::filesystem::exists(made));
+}
+
 TEST_CASE("a program that a signal ends leaves nothing half written, whatever its threads are about to write") {
   const tg::TemporaryFolder folder;
   for (int round = 0; round < 40; ++round) {
