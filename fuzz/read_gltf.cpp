@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any bytes are a glTF file with splats or an Error, in memory as in a file, which is read in blocks; what was read is
-// a sound model. Files of an odd size are read without their texture layer.
+// a sound model. Files of an odd size are read without their texture layer. Any bytes are also a tileset of 3D Tiles
+// whose content lies beside it, or an Error.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -9,6 +10,7 @@
 #include <string>
 
 #include "converter/gltf/read_gltf.h"
+#include "converter/gltf/read_tiles.h"
 #include "core/system/error.h"
 
 namespace {
@@ -36,5 +38,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto from_file = gaussians([&] { return tg::readGltf(path, options); });
   // A file may name others, which bytes alone may not.
   if (from_memory && from_memory != from_file) std::abort();
+  try {
+    const std::string name = tg::parseTileset({data, size}, "fuzz/tileset.json").name;
+    if (name.empty() || name.front() == '/' || ("/" + name + "/").find("/../") != std::string::npos) std::abort();
+  } catch (const tg::Error&) {
+  }
   return 0;
 }

@@ -52,7 +52,7 @@ std::vector<int> rootNodes(const tinygltf::Model& model) {
 
 }  // namespace
 
-std::vector<PlacedNode> placeNodes(const GltfDocument& document) {
+std::vector<PlacedNode> placeNodes(const GltfDocument& document, const glm::dmat4& world_from_scene) {
   std::vector<PlacedNode> placed;
   std::vector<bool> seen(document.model.nodes.size(), false);
   const auto add = [&](int node, const glm::dmat4& parent) {
@@ -60,7 +60,7 @@ std::vector<PlacedNode> placeNodes(const GltfDocument& document) {
     seen[node] = true;
     placed.push_back({node, parent * localMatrix(document, node)});
   };
-  for (const int root : rootNodes(document.model)) add(root, glm::dmat4(1.0));
+  for (const int root : rootNodes(document.model)) add(root, world_from_scene);
   for (std::size_t next = 0; next < placed.size(); ++next) {
     const PlacedNode parent = placed[next];  // a copy: add() moves the vector
     for (const int child : document.model.nodes[parent.node].children) add(child, parent.world_from_node);

@@ -13,9 +13,10 @@ struct PlacedNode {
   glm::dmat4 world_from_node{1.0};
 };
 
-// The nodes of the default scene (of all root nodes when there is none), parents first. Throws Error(badData) when
+// The nodes of the default scene (of all root nodes when there is none), parents first, in a scene that stands at
+// `world_from_scene`. Throws Error(badData) when
 // nodes form a cycle or a node has two parents.
-std::vector<PlacedNode> placeNodes(const GltfDocument& document);
+std::vector<PlacedNode> placeNodes(const GltfDocument& document, const glm::dmat4& world_from_scene = glm::dmat4(1.0));
 
 // A uniform scale, then a rotation, then a translation: what splats can follow.
 struct RigidScale {

@@ -492,10 +492,11 @@ void readAssetExtras(GltfDocument& document, Bundle& loaded) {
 }
 
 // The model of a document that has been checked. Takes its warnings.
-Bundle assemble(GltfDocument& document, const ReadOptions& options) {
+Bundle assemble(GltfDocument& document, const ReadOptions& options,
+                const glm::dmat4& world_from_scene = glm::dmat4(1.0)) {
   document.warnings.clear();
   if (!options.base_only) checkExtensionPlaces(document);
-  const std::vector<PlacedNode> nodes = placeNodes(document);
+  const std::vector<PlacedNode> nodes = placeNodes(document, world_from_scene);
   std::vector<SplatInstance> instances = findSplats(document, nodes);
 
   Bundle loaded;
@@ -580,10 +581,10 @@ void checkAlignment(const json& root, std::size_t index, std::vector<std::string
 
 }  // namespace
 
-Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options) {
+Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options, const glm::dmat4& world_from_scene) {
   GltfDocument document = openGltf(path);
   document.errors = options.errors;
-  return assemble(document, options);
+  return assemble(document, options, world_from_scene);
 }
 
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {

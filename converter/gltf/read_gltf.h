@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <glm/glm.hpp>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,9 +13,11 @@
 
 namespace tg {
 
-// All splat primitives of the scene as one model in the toolchain's axes. Throws Error(cannotRead / badData); a broken
-// texture layer is an error, never a silent fall back to the base.
-Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {});
+// All splat primitives of the scene as one model in the toolchain's axes. `world_from_scene`: where the scene stands,
+// in glTF's axes. Throws Error(cannotRead / badData); a broken texture layer is an error, never a silent fall back to
+// the base.
+Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
+                const glm::dmat4& world_from_scene = glm::dmat4(1.0));
 // The same from memory, without options.errors; `path` starts the messages.
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
 

@@ -17,6 +17,7 @@
 #include "converter/formats/write_compressed_ply.h"
 #include "converter/gltf/document.h"
 #include "converter/gltf/read_gltf.h"
+#include "converter/gltf/read_tiles.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/gltf/write_tiles.h"
 #include "converter/html/html.h"
@@ -257,6 +258,8 @@ std::uint64_t bytesBesideGltf(const Path& path) {
   return bytes;
 }
 
+std::uint64_t bytesOfContent(const Path& path) { return sizeOf(contentOfTileset(path)); }
+
 constexpr Format kFormats[] = {
     {.name = "tgz",
      .spoken = "tgz",
@@ -321,6 +324,17 @@ constexpr Format kFormats[] = {
      .has_base = true,
      .has_cameras_file = true,
      .whole_name = true},
+    {.name = kTilesetName,
+     .spoken = "tileset.json",
+     .title = "3D Tiles",
+     .keeps = kKeepsSh,
+     .sniff = [](const FileStart& start) { return isJson(start) && start.holds("\"geometricError\""); },
+     .read = [](const Path& path, const ReadOptions& options) { return checked(readTiles(path, options), path); },
+     .write = writeBaseTiles,
+     .beside = bytesOfContent,
+     .axes = kGltfAxes,
+     .is_common = true,  // in a folder its content is read as well
+     .whole_name = true},
     {.name = "glb",
      .spoken = "glb",
      .keeps = kKeepsAll,
@@ -357,12 +371,6 @@ constexpr Format kFormats[] = {
      .is_gltf = true,
      .has_base = true,
      .has_steps = true},
-    {.name = kTilesetName,
-     .title = "3D Tiles",
-     .keeps = kKeepsSh,
-     .write = writeBaseTiles,
-     .axes = kGltfAxes,
-     .whole_name = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
 };
 
@@ -463,9 +471,6 @@ const Format& detectFormat(const Path& path) {
   if (isJson(start) && start.holds("\"means\"") && start.holds("\"scales\"")) {
     throw Error(ErrorKind::badData, path.string(),
                 "is the meta.json of an unbundled SOG (expected a .sog, a ZIP archive of it and its images)");
-  }
-  if (isJson(start) && start.holds("\"geometricError\"")) {
-    throw Error(ErrorKind::badData, path.string(), "is a tileset of 3D Tiles (expected its content, a .glb)");
   }
   for (const Format& format : kFormats) {
     if (format.sniff && format.sniff(start)) return format;

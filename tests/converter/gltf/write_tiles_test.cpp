@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// 3D Tiles: what is written, read back as far as it is glTF.
+// 3D Tiles: what is written, and what is read.
 #include "converter/gltf/write_tiles.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,8 @@
 #include "converter/convert.h"
 #include "converter/formats/spz.h"
 #include "converter/glb.h"
+#include "converter/gltf/read_tiles.h"
+#include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
 #include "core/bundle/bundle.h"
@@ -83,7 +87,11 @@ TEST_CASE("a tileset names a GLB that is valid and holds the numbers of an SPZ o
     const auto box = tileset["root"]["boundingVolume"]["box"].get<std::vector<double>>();
     REQUIRE(box.size() == 12);
     CHECK(tileset["geometricError"].get<double>() == Approx(2 * std::hypot(box[3], box[7], box[11])));
-    CHECK_THAT(test::messageOf([&] { (void)readModel(path); }), Contains("is a tileset of 3D Tiles"));
+    const GaussianModel named = readModel(path).model;
+    CHECK(named.mean == back.mean);
+    CHECK(named.rotation == back.rotation);
+    CHECK(named.sh == back.sh);
+    CHECK(storedBytes(detectFormat(path), path) == report.bytes);
   }
 }
 
@@ -107,6 +115,60 @@ TEST_CASE("a tile is bounded by all that its splats reach with z up on either si
   writeTiles(scratch.folder() / "tileset.json", model);
   box = boxIn(scratch.folder() / "tileset.json");
   CHECK(box == std::vector<double>{0, 0, 3, 8, 0, 0, 0, 4, 0, 0, 0, 7});
+}
+
+TEST_CASE("content of a tile stands where the transforms of the tiles above it put it") {
+  const Scratch scratch;
+  const GaussianModel model = splats(1);
+  writeTiles(scratch.folder() / "tileset.json", model);
+  const GaussianModel content = readModel(scratch.folder() / "content.glb").model;
+  const auto read = [&](const std::string& outer, const std::string& inner) {
+    scratch.write("moved.json", R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": {"transform": )" + outer +
+                                    R"(, "children": [{"transform": )" + inner +
+                                    R"(, "content": {"uri": "content.glb"}}]}})");
+    return readModel(scratch.folder() / "moved.json");
+  };
+  // Twice as large, then 10 along the tile's x and 4 up; that, a quarter turn about up, and 1 along its y.
+  const Bundle moved =
+      read("[0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 1]", "[2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 10, 0, 4, 1]");
+  CHECK(moved.warnings.empty());
+  REQUIRE(moved.model.size() == content.size());
+  for (std::size_t i = 0; i < content.size(); ++i) {
+    // A tile's x, y and z are the model's -x, -z and -y.
+    const glm::vec3 m = content.mean[i];
+    const glm::vec3 tile(-2 * m.x + 10, -2 * m.z, -2 * m.y + 4), turned(-tile.y, tile.x + 1, tile.z);
+    CHECK(glm::length(moved.model.mean[i] - glm::vec3(-turned.x, -turned.z, -turned.y)) < 1e-4f);
+    CHECK(moved.model.log_scale[i].x == Approx(content.log_scale[i].x + std::log(2.0)).margin(1e-5));
+  }
+  const std::string none = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]";
+  const Bundle on_globe = read("[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 4e6, 0, 4e6, 1]", none);
+  CHECK(on_globe.model.mean == content.mean);
+  REQUIRE(on_globe.warnings.size() == 1);
+  CHECK_THAT(on_globe.warnings[0], Contains("the place on the globe is left out"));
+  CHECK_THAT(test::messageOf([&] { read("[1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", none); }),
+             Contains("the transform shears or stretches"));
+}
+
+TEST_CASE("tilesets that are not read say why") {
+  const auto told = [](const std::string& root) {
+    const std::string text = R"({"geometricError": 1, "root": )" + root + "}";
+    const std::span bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
+    return test::messageOf([&] { (void)parseTileset(bytes, "a/tileset.json"); });
+  };
+  CHECK(told("7") == "a/tileset.json: /root: wrong type (expected an object, found 7)");
+  CHECK(told("{}") == "a/tileset.json: /root: holds 0 files of content (expected one; each can be read by itself)");
+  CHECK_THAT(told(R"({"content": {"uri": "a.glb"}, "children": [{"contents": [{"uri": "b.glb"}, {"uri": "c.glb"}]}]})"),
+             Contains("holds 3 files of content"));
+  for (const char* uri : {"../a.glb", "/a.glb", "https://example.com/a.glb", ""}) {
+    CHECK_THAT(told(R"({"content": {"uri": ")" + std::string(uri) + R"("}})"),
+               Contains("/root/content/uri: is no file beside the tileset"));
+  }
+  CHECK_THAT(told(R"({"content": {"uri": 1}})"), Contains("uri"));
+  CHECK_THAT(told(R"({"content": []})"), Contains("/root/content: wrong type"));
+  CHECK_THAT(told(R"({"children": {}})"), Contains("/root/children: wrong type"));
+  CHECK_THAT(told(R"({"children": [null]})"), Contains("/root/children/0: wrong type"));
+  CHECK_THAT(told(R"({"implicitTiling": {}, "content": {"uri": "a.glb"}})"), Contains("has implicit tiles"));
+  CHECK_THAT(told(R"({"transform": [1, 2], "content": {"uri": "a.glb"}})"), Contains("transform"));
 }
 
 TEST_CASE("a tileset that cannot be written leaves nothing behind") {

@@ -55,6 +55,9 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
   REQUIRE(files.back().bytes.ends_with("}\n"));
   files.back().bytes.pop_back();
   add("lod-meta.json");
+  add("tileset.json");
+  REQUIRE(files.back().bytes.ends_with("}\n"));
+  files.back().bytes.pop_back();
   add("page.html");
   // Of the page, the viewer in front of the model is of no interest here.
   std::string& page = files.back().bytes;

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads 3D Tiles of one tile with content (OGC 22-025r4).
+#include "converter/gltf/read_tiles.h"
+
+#include <cstddef>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "converter/gltf/read_gltf.h"
+#include "converter/gltf/resolve.h"
+#include "core/file/file.h"
+#include "core/file/json.h"
+
+namespace tg {
+namespace {
+
+constexpr std::uint64_t kMaxTilesetBytes = std::uint64_t{1} << 22;
+constexpr double kFarthest = 1e5;  // [m] from the origin, where floats still tell centimetres apart
+
+struct PlacedTile {
+  JsonNode tile;
+  glm::dmat4 transform;  // to the tileset's axes
+};
+
+glm::dmat4 transformOf(const JsonNode& tile) {
+  glm::dmat4 m(1.0);
+  if (!tile.has("transform")) return m;
+  const auto numbers = tile.numbers<16>("transform");
+  for (int k = 0; k < 16; ++k) m[k / 4][k % 4] = numbers[static_cast<std::size_t>(k)];
+  return m;
+}
+
+std::string nameOf(const JsonNode& content) {
+  const std::string uri = content.object().string("uri");
+  const std::optional<std::string> name = nameBeside(uri);
+  if (!name) content.at("uri").fail("is no file beside the tileset (expected a relative name, found " +
+                                    content.at("uri").shown() + ")");
+  return *name;
+}
+
+}  // namespace
+
+TileContent parseTileset(std::span<const std::uint8_t> text, const std::string& path) {
+  const nlohmann::json parsed = parseJson(text, path);
+  const JsonNode root = JsonNode{parsed, path, "/"}.object();
+  std::vector<PlacedTile> tiles = {{root.at("root").object(), glm::dmat4(1.0)}};
+  std::optional<TileContent> found;
+  std::size_t contents = 0;
+  while (!tiles.empty()) {
+    const PlacedTile at = std::move(tiles.back());
+    tiles.pop_back();
+    const glm::dmat4 transform = at.transform * transformOf(at.tile);
+    if (at.tile.has("implicitTiling")) at.tile.fail("has implicit tiles, which are not read");
+    std::vector<JsonNode> own;
+    if (at.tile.has("content")) own.push_back(at.tile.at("content"));
+    if (at.tile.has("contents")) {
+      const JsonNode list = at.tile.at("contents").array();
+      for (std::size_t i = 0; i < list.size(); ++i) own.push_back(list.element(i));
+    }
+    contents += own.size();
+    if (!own.empty() && !found) {
+      // A tile's z is up, where glTF has its y.
+      const glm::dmat4 tile_from_gltf(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, 0, 1, 0), glm::dvec4(0, -1, 0, 0),
+                                      glm::dvec4(0, 0, 0, 1));
+      found = TileContent{.name = nameOf(own.front())};
+      found->on_globe = glm::length(glm::dvec3(transform[3])) > kFarthest;
+      if (!found->on_globe) {
+        found->scene_from_content = glm::transpose(tile_from_gltf) * transform * tile_from_gltf;
+      }
+    }
+    if (!at.tile.has("children")) continue;
+    const JsonNode children = at.tile.at("children").array();
+    for (std::size_t i = 0; i < children.size(); ++i) tiles.push_back({children.element(i).object(), transform});
+  }
+  if (contents != 1) {
+    root.at("root").fail("holds " + std::to_string(contents) +
+                         " files of content (expected one; each can be read by itself)");
+  }
+  return std::move(*found);
+}
+
+std::filesystem::path contentOfTileset(const std::filesystem::path& path) {
+  return path.parent_path() / parseTileset(readFile(path, kMaxTilesetBytes), path.string()).name;
+}
+
+Bundle readTiles(const std::filesystem::path& path, const ReadOptions& options) {
+  const TileContent content = parseTileset(readFile(path, kMaxTilesetBytes), path.string());
+  Bundle loaded = readGltf(path.parent_path() / content.name, options, content.scene_from_content);
+  if (content.on_globe) {
+    loaded.warnings.emplace_back("the place on the globe is left out: the scene stands as its content does");
+  }
+  return loaded;
+}
+
+}  // namespace tg
