@@ -10,6 +10,7 @@
 #include "converter/gltf/document.h"
 #include "converter/gltf/json_members.h"
 #include "converter/gltf/resolve.h"
+#include "converter/gltf/spz_extension.h"
 
 namespace tg {
 namespace {
