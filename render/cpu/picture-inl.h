@@ -340,7 +340,7 @@ HWY_INLINE void blendHits(const HitBatch& batch, int slot, int begin, int end, c
     }
   }
   const V base[3] = {set(s.base.x), set(s.base.y), set(s.base.z)};
-  const Texture texture = makeTexture(hit, tile.texels.texels);
+  const Texture texture = textured ? makeTexture(hit, tile.texels.texels) : Texture{};
   TextureItems items;
   while (begin < end) {
     const int count = std::min(end - begin, kHitsAtOnce);
