@@ -489,7 +489,8 @@ void bindTraining(py::module_& module) {
           py::call_guard<py::gil_scoped_release>(), R"(A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder.
 
 downscale: whole number. background: RGB behind transparent photographs; None: the data set's own, else white for
-NeRF-synthetic, else black; an evaluation goes over the model's then. test_every: every n-th photograph is held out where the data set has no split; 0: none.)")
+NeRF-synthetic, else black; an evaluation goes over the model's then. test_every: every n-th photograph is held out
+where the data set has no split; 0: none.)")
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
       .def("__repr__",

@@ -136,6 +136,9 @@ std::string PlanOfSize::said() const {
   }
   if (cut_) said += formatted(", %.1f texels each", plan_.texels);
   if (shared()) said += formatted(", %d textures that they share", settings_.texture_dictionary);
+  if ((cut_ || shared()) && part_ > 1) {  // docs/lab/quality.md, "Textures that Gaussians share"
+    said += "; in a .glb as many bytes of Gaussians without textures show more";
+  }
   if (too_small_) {
     said += formatted(
         ", no textures, for which so small a file has no room (--adaptive-texels N asks for them): %d iterations",

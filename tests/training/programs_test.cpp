@@ -213,6 +213,10 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
              Contains(" Gaussians, 64 textures that they share\n"));
   CHECK_THAT(tgtrain(folder, large + "--adaptive-texels 4").output, !Contains("share"));
   CHECK_THAT(tgtrain(folder, large + "--texture-mode none").output, !Contains("share"));
+  const std::string for_glb = "scene --overwrite --iterations 20 --texture-iterations 4 --target-size 60KB -o b.glb ";
+  CHECK_THAT(tgtrain(folder, for_glb + "--texture-mode rgba").output,
+             Contains("share; in a .glb as many bytes of Gaussians without textures show more\n"));
+  CHECK_THAT(tgtrain(folder, for_glb + "--texture-mode none").output, !Contains("show more"));
   const Outcome twin = tgtrain(folder, train + "a.sog --untextured-output plain.tgz");
   CHECK_THAT(twin.output, Contains(" texels each\n"));
   CHECK(fs::exists(folder / "plain.tgz"));

@@ -414,11 +414,14 @@ bool OpenModels::takeRewritten(ViewerState& state) {
   if (!watch_) return false;
   std::vector<Document>& open = state.documents.open;
   FileWatch::Files files;
+  bool changed = false;
   for (std::size_t i = 0; i < open.size(); ++i) {
     if (const auto& file = sceneAt(state, static_cast<int>(i)).file) files.emplace(open[i].path, *file);
+    if (!open[i].rewritten || hasChanged(state, static_cast<int>(i))) continue;
+    open[i].rewritten = false;  // saved over since, or moved back
+    changed = true;
   }
   watch_->watch(files);
-  bool changed = false;
   while (const std::optional<std::filesystem::path> path = watch_->take()) {
     const int document = documentOf(state, *path);
     if (document < 0 || !hasChanged(state, document)) continue;  // saved by this window, say

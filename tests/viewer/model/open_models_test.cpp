@@ -191,6 +191,12 @@ TEST_CASE("a file that is written again is said to be, and read again where one 
   window.settle();
   CHECK(state.scene.gaussians == 5);
   CHECK_FALSE(isRewritten(0));
+  // A file that is back as it was read is no other one.
+  std::filesystem::rename(folder / "a.tgz", folder / "kept.tgz");
+  writeModel(folder / "a.tgz", 4, {});
+  window.followUntil([&] { return isRewritten(0); });
+  std::filesystem::rename(folder / "kept.tgz", folder / "a.tgz");
+  window.followUntil([&] { return !isRewritten(0); });
   // Once for each time: who keeps what is shown is not asked again.
   writeModel(folder / "a.tgz", 6, {});
   window.followUntil([&] { return isRewritten(0); });
