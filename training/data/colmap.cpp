@@ -23,6 +23,7 @@ namespace {
 
 constexpr std::uint64_t kMaxModelBytes = std::uint64_t{4} << 30;
 constexpr std::size_t kMaxNameBytes = 4096;
+constexpr std::uint64_t kLeastImageBytes = 73;  // in images.bin: without a name, without points
 
 // COLMAP's camera models by id. `parameters` are, in the file's order: f one focal length, x and y two, c the principal
 // point, then Lens's k, d, p, t in their order, o the FOV model's angle.
@@ -258,7 +259,7 @@ Cameras readCamerasText(const fs::path& path) {
 
 std::vector<ColmapImage> readImagesBinary(const fs::path& path) {
   Reader reader(path);
-  const std::uint64_t count = reader.readCount(73, "images");
+  const std::uint64_t count = reader.readCount(kLeastImageBytes, "images");
   std::vector<ColmapImage> images(count);
   for (ColmapImage& image : images) {
     reader.skip(sizeof(std::uint32_t), "an image");
@@ -346,19 +347,70 @@ glm::dmat3 rotationMatrix(const fs::path& path, const ColmapImage& image) {
                     glm::dvec3(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)));
 }
 
+bool holdsModel(const fs::path& folder) { return isFile(folder / "cameras.bin") || isFile(folder / "cameras.txt"); }
+
+// Photographs of a model by the first bytes of its images.bin, or all of images.txt; 0 where it cannot be read.
+std::uint64_t imagesOf(const fs::path& model) {
+  try {
+    if (!isFile(model / "cameras.bin")) return readImagesText(model / "images.txt").size();
+    const FileReader file(model / "images.bin", kMaxModelBytes);
+    std::array<std::uint8_t, 8> bytes;
+    file.read(0, bytes);
+    std::uint64_t count;
+    std::memcpy(&count, bytes.data(), sizeof count);
+    return std::min(count, file.size() / kLeastImageBytes);
+  } catch (const Error&) {
+    return 0;
+  }
+}
+
+// COLMAP gives photographs that do not hang together a model each, in folders that are called by numbers from 0 on. The
+// one with the most photographs, the first of several.
+std::optional<fs::path> largestModel(const fs::path& sparse) {
+  std::error_code reason;
+  std::vector<fs::path> models;
+  for (fs::directory_iterator entry(sparse, reason), end; !reason && entry != end; entry.increment(reason)) {
+    const std::string name = entry->path().filename().string();
+    if (name.find_first_not_of("0123456789") == name.npos && holdsModel(entry->path())) models.push_back(entry->path());
+  }
+  std::ranges::sort(models, {}, [](const fs::path& model) {
+    const std::string name = model.filename().string();
+    return std::pair(name.size(), name);
+  });
+  if (models.empty()) return std::nullopt;
+  if (models.size() == 1) return models.front();
+  std::vector<std::uint64_t> images;
+  for (const fs::path& model : models) images.push_back(imagesOf(model));
+  return models[static_cast<std::size_t>(std::ranges::max_element(images) - images.begin())];
+}
+
+std::optional<fs::path> modelIn(const fs::path& sparse) {
+  for (const fs::path& model : {sparse / "0", sparse}) {
+    if (holdsModel(model)) return model;
+  }
+  return largestModel(sparse);
+}
+
 }  // namespace
 
-std::optional<fs::path> findColmapModel(const fs::path& folder) {
-  for (const char* below : {"sparse/0", "sparse"}) {
-    fs::path model = folder / below;
-    if (isFile(model / "cameras.bin") || isFile(model / "cameras.txt")) return model;
-  }
-  return std::nullopt;
+std::optional<fs::path> findColmapModel(const fs::path& folder, bool below_colmap) {
+  std::optional<fs::path> model = modelIn(folder / "sparse");
+  std::error_code ignored;
+  if (!model && below_colmap && fs::is_directory(folder / "images", ignored)) model = modelIn(folder / "colmap/sparse");
+  return model;
 }
 
 DatasetIndex readColmap(const fs::path& folder) {
   const std::optional<fs::path> model = findColmapModel(folder);
   if (!model) fail(folder, "no COLMAP model (expected cameras.bin or cameras.txt in sparse/0 or sparse)");
+  DatasetIndex index;
+  const fs::path larger = model->filename() == "0" ? largestModel(model->parent_path()).value_or(*model) : *model;
+  if (larger != *model) {
+    const auto named = [&](const fs::path& path) { return path.lexically_proximate(folder).string(); };
+    index.notes.push_back(named(larger) + " has more photographs (" + std::to_string(imagesOf(larger)) + ") than " +
+                          named(*model) + " (" + std::to_string(imagesOf(*model)) +
+                          "), which is read as it is called 0");
+  }
   const bool binary = isFile(*model / "cameras.bin");
   const std::string extension = binary ? ".bin" : ".txt";
   const fs::path images_path = *model / ("images" + extension);
@@ -366,7 +418,6 @@ DatasetIndex readColmap(const fs::path& folder) {
   const Cameras cameras = binary ? readCamerasBinary(*model / "cameras.bin") : readCamerasText(*model / "cameras.txt");
   const std::vector<ColmapImage> images = binary ? readImagesBinary(images_path) : readImagesText(images_path);
 
-  DatasetIndex index;
   for (const ColmapImage& image : images) {
     const auto camera = cameras.find(image.camera_id);
     if (camera == cameras.end()) {

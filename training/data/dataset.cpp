@@ -13,6 +13,7 @@
 #include "core/model/views.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/parallel.h"
 
 namespace tg {
@@ -27,8 +28,10 @@ constexpr double kShortestFocal = 1e-3;  // [px]
 constexpr double kLongestFocal = 1e9;    // [px]
 
 DatasetLayout detectLayout(const fs::path& folder) {
-  // COLMAP first: folders that hold both describe one scene, and COLMAP's has points.
-  if (findColmapModel(folder)) return DatasetLayout::colmap;
+  // COLMAP first: folders that hold both describe one scene, and COLMAP's has points. But not what nerfstudio made its
+  // transforms.json of.
+  const bool transforms = isFile(folder / "transforms_train.json") || isFile(folder / "transforms.json");
+  if (findColmapModel(folder, !transforms)) return DatasetLayout::colmap;
   if (isFile(folder / "transforms_train.json")) {
     // With calibrated cameras it is a scene of photographs, whose split stands in two files where there is no third.
     const bool photographs = namesFocalLengths(folder / "transforms_train.json");
@@ -238,6 +241,24 @@ void leaveOutHidden(const fs::path& place, bool only_test, int downscale, Datase
   notes.push_back(std::to_string(hidden.size() - index.entries.size()) + " of " + std::to_string(hidden.size()) +
                   " photographs, " + std::to_string(held_out) +
                   " of them held out, are left out: their masks hide every pixel (the first: " + name + ")");
+}
+
+// Photographs that lie there and are not trained on, since COLMAP could not place them.
+void noteWithoutCamera(const fs::path& images, const std::string& name, const DatasetIndex& index,
+                       std::vector<std::string>& notes) {
+  std::set<fs::path> placed, others;
+  for (const DatasetIndex::Entry& entry : index.entries) placed.insert(fs::path(entry.below_images).lexically_normal());
+  std::error_code reason;
+  for (fs::recursive_directory_iterator file(images, reason), end; !reason && file != end; file.increment(reason)) {
+    const std::string extension = lowerExtension(file->path());
+    const bool picture = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".exr";
+    const fs::path below = file->path().lexically_relative(images);
+    const bool shown = !file->path().filename().string().starts_with(".");
+    if (picture && shown && !placed.contains(below)) others.insert(below);
+  }
+  if (others.empty()) return;
+  notes.push_back(std::to_string(others.size()) + " photographs in " + name +
+                  " have no camera and are left out (the first: " + others.begin()->string() + ")");
 }
 
 // A photograph that is listed twice in one split counts once; one in both splits stays in both, as it was asked for.
@@ -474,6 +495,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   for (DatasetIndex::Entry& entry : index.entries) {
     entry.listed = fs::absolute(entry.image).lexically_normal().lexically_relative(whole).string();
   }
+  dataset.notes = index.notes;
   const glm::vec3 usual(dataset.layout == DatasetLayout::nerfSynthetic ? 1.0f : 0.0f);
   dataset.background = options.background.value_or(index.background.value_or(usual));
   dataset.random_background = options.random_background;
@@ -509,6 +531,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
                             std::to_string(index.entries.size() + index.outside_split) +
                             " frames are left out: neither train_filenames nor the list that is held out names them");
   }
+  if (dataset.layout == DatasetLayout::colmap) noteWithoutCamera(folder / images, images, index, dataset.notes);
   const std::size_t listed = index.entries.size();
   const auto missing = std::find_if(index.entries.begin(), index.entries.end(),
                                     [](const DatasetIndex::Entry& entry) { return !isFile(entry.image); });

@@ -125,7 +125,8 @@ struct DatasetIndex {
   std::string points_file;  // where they are from; empty: the data set names none
   bool points_missing = false;
   bool has_split = false;         // Camera::test is set
-  std::size_t outside_split = 0;  // frames that are not entries, as no list of the data set's names them
+  std::vector<std::string> notes;  // of Dataset::notes
+  std::size_t outside_split = 0;   // frames that are not entries, as no list of the data set's names them
   std::optional<glm::vec3> background;
 };
 // Of transforms.json, three numbers from 0 to 1; ours alone (docs/training.md).
@@ -138,7 +139,8 @@ Camera intrinsicsOf(const DatasetIndex::Entry& entry, Camera camera, glm::ivec2 
 // Whether a file of transforms has "fl_x", for all frames or for the first. Throws Error as readTransforms().
 bool namesFocalLengths(const std::filesystem::path& transforms);
 DatasetIndex readColmap(const std::filesystem::path& folder);
-// The COLMAP model's folder below a data set: sparse/0 or sparse.
-std::optional<std::filesystem::path> findColmapModel(const std::filesystem::path& folder);
+// The COLMAP model's folder below a data set: sparse/0, sparse, or the sparse/N with the most photographs.
+// below_colmap: or so in the folder colmap beside images, as nerfstudio has it.
+std::optional<std::filesystem::path> findColmapModel(const std::filesystem::path& folder, bool below_colmap = true);
 
 }  // namespace tg

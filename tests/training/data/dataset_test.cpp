@@ -193,6 +193,52 @@ TEST_CASE("reads COLMAP models straight in sparse, and SIMPLE_PINHOLE", "[datase
   CHECK(camera.center.x == 7.5);
 }
 
+TEST_CASE("of several COLMAP models the one called 0 is read and a larger one is named", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapText text;
+  text.write(folder.path, "sparse/2");
+  const tg::Dataset lone = loadDataset(folder.path);
+  CHECK(lone.views.size() == 10);
+  CHECK(lone.notes.empty());
+  CHECK(tg::hasCameras(folder.path));
+  ColmapText small;
+  small.images = "1 1 0 0 0 0 0 5 1 image3.png\n\n2 1 0 0 0 1 0 5 1 image4.png\n\n";
+  small.write(folder.path, "sparse/1");
+  small.write(folder.path, "sparse/10");
+  CHECK(loadDataset(folder.path).views.size() == 10);
+  small.write(folder.path, "sparse/0");
+  writeText(folder / "sparse/3/cameras.bin", "broken");
+  const tg::Dataset dataset = loadDataset(folder.path);
+  CHECK(dataset.views.size() == 2);
+  CHECK(dataset.notes == std::vector<std::string>{
+                             "sparse/2 has more photographs (10) than sparse/0 (2), which is read as it is called 0",
+                             "8 photographs in images have no camera and are left out (the first: image0.png)"});
+  // The same count in binary.
+  fs::remove_all(folder / "sparse/2");
+  ColmapBinary().write(folder / "binary");
+  fs::rename(folder / "binary/sparse/0", folder / "sparse/2");
+  CHECK(loadDataset(folder.path).notes == dataset.notes);
+}
+
+TEST_CASE("a COLMAP model in nerfstudio's folder colmap is read where no transforms.json is made of it", "[dataset]") {
+  tg::TemporaryFolder folder;
+  ColmapText().write(folder / "scene");
+  fs::create_directory(folder / "scene/colmap");
+  fs::rename(folder / "scene/sparse", folder / "scene/colmap/sparse");
+  CHECK(tg::hasCameras(folder / "scene"));
+  const tg::Dataset dataset = loadDataset(folder / "scene");
+  CHECK(dataset.layout == tg::DatasetLayout::colmap);
+  CHECK(dataset.views.size() == 10);
+  CHECK(dataset.points.position.size() == 2);
+  writeText(folder / "scene/transforms.json", pinhole({frame("images/image3.png")}).dump());
+  CHECK(loadDataset(folder / "scene").layout == tg::DatasetLayout::transforms);
+  // A data set that is called so is none of the folder that holds it.
+  fs::create_directories(folder / "all");
+  fs::rename(folder / "scene/images", folder / "scene/colmap/images");
+  fs::rename(folder / "scene/colmap", folder / "all/colmap");
+  CHECK_THAT(refusal(folder / "all"), Contains("all/colmap?)"));
+}
+
 TEST_CASE("photographs that do not have their camera's shape are named, reduced ones are fine", "[dataset]") {
   tg::TemporaryFolder folder;
   Json json = pinhole({frame("images/a.png"), frame("images/b.png"), frame("images/c.png")});
