@@ -83,13 +83,15 @@ class Trial : public tg::TemporaryFolder {
            "*) for last; do :; done; echo take >>calls.txt; cp answer/*.jpg \"$(dirname \"${last#file:}\")\";; esac");
     script("colmap",
            "while [ $# -gt 0 ]; do case $1 in help) echo 'COLMAP 4.0 -- x'; echo matches_importer;;"
-           "--database_path) database=$2;; --output_path) output=$2;; --image_list_path|--match_list_path) list=$2;;"
+           "--database_path) database=$2;; --output_path) output=$2;; --Mapper.min_model_size) smallest=$2;; "
+           "--image_list_path|--match_list_path) list=$2;;"
            "feature_extractor|matches_importer|mapper) task=$1;; -h) exit 0;; esac; shift; done;"
            "[ -n \"$task\" ] || exit 0; echo $task >>calls.txt; [ -n \"$list\" ] && cat \"$list\" >>lists.txt;"
            "[ -f \"hang_$task\" ] && { rm \"hang_$task\"; echo $$ >child.txt; exec sleep 600; };"
            "[ -f \"fail_$task\" ] && { echo 'what a pity'; exit 1; };"
            "case $task in feature_extractor) cp answer/database.db \"$database\"; echo 'Processed file [1/6]';;"
-           "mapper) for model in models/*; do cp -r \"$model\" \"$output\"; done;; esac; exit 0");
+           "mapper) [ -d models_$smallest ] && models=models_$smallest; for model in ${models:-models}/*; do"
+           " cp -r \"$model\" \"$output\" || exit 1; done;; esac; exit 0");
     ::unsetenv("DISPLAY");
     ::unsetenv("WAYLAND_DISPLAY");
   }
@@ -271,6 +273,27 @@ TEST_CASE("the largest model is taken, and who is in none hears why", "[photos]"
   const Outcome few = trial.photos("photos -o model.tgz --least-registered 70" + kShort);
   CHECK(few.code == 3);
   CHECK_THAT(few.output, Contains("too few photographs have a camera (expected at least 70 % of 6, found 4)"));
+}
+
+TEST_CASE("a splinter of few photographs is taken only where COLMAP finds no model of most", "[photos]") {
+  Trial trial;
+  const tg::Dataset dataset = tg::loadDataset(trial / "scene", {});
+  trial.answer(dataset, {trial.names()[0], trial.names()[1], trial.names()[2]});
+  fs::rename(trial / "models", trial / "models_3");
+  const bool whole = GENERATE(true, false);
+  if (whole) {
+    trial.answer(dataset, {trial.names().begin(), trial.names().begin() + 5});
+    fs::rename(trial / "models", trial / "models_4");
+  } else {
+    fs::create_directory(trial / "models_4");
+  }
+  const Outcome made = trial.photos("photos -o model.tgz" + kShort);
+  INFO(made.output);
+  CHECK(made.code == 0);
+  CHECK_THAT(made.output, Contains(whole ? "cameras: 5 of 6 photographs" : "cameras: 3 of 6 photographs"));
+  const bool told = made.output.find("no 4 of the 6 photographs hang together: 3 are enough\n") != std::string::npos;
+  CHECK(told != whole);
+  CHECK(trial.calls() == (whole ? kAll : kAll + "mapper\n"));
 }
 
 TEST_CASE("what COLMAP cannot do is an error with its last words", "[photos]") {

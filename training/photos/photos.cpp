@@ -30,6 +30,7 @@ constexpr std::size_t kPairsAtOnce = 200;  // between two lines of progress
 constexpr std::size_t kMostNamed = 10;     // photographs that are left out, in words
 constexpr std::size_t kFewestCameras = 3;
 constexpr std::size_t kSmallestModel = 10;  // COLMAP's own choice, where there are enough photographs
+constexpr int kFirstTrials = 5;  // a round, of which COLMAP does five where it finds none: its own 200 take minutes
 constexpr double kUsualFocal = 1.2;         // of the longer side: COLMAP's guess
 
 // "12.3 s", "3 min 05 s"
@@ -261,23 +262,40 @@ class Job {
     return {std::to_string(pairs.size()) + " pairs (" + std::string(name(matching_)) + ")", "null"};
   }
 
-  Outcome solve() {
-    const Solver& solver = findSolverOnce();
-    const fs::path part = work_ / "sparse.part";
+  // The models of at least so many photographs that COLMAP finds; `why`: in its words, where it finds none.
+  std::vector<FoundModel> findCameras(const fs::path& part, std::size_t smallest, int trials, std::string& why) {
     makeEmpty(part);
     const std::size_t count = photographs_.size();
-    const std::size_t smallest = std::min(kSmallestModel, std::max(kFewestCameras, count / 3));
     try {
-      colmap(solveCameras(solver, files(), part, options_.mapper, smallest, options_.threads), PhotoStage::cameras,
+      colmap(solveCameras(findSolverOnce(), files(), part, options_.mapper, smallest, trials, options_.threads),
+             PhotoStage::cameras,
              [&](std::size_t done) { listener_.progress("cameras", std::min(done, count - 1), count); });
     } catch (const Error& error) {
       // It also fails where it finds none.
       if (error.kind != ErrorKind::badData || !findModels(part).empty()) throw;
-      foundNone(std::string(" (") + error.what() + ")");
+      why = std::string(" (") + error.what() + ")";
     }
+    return findModels(part);
+  }
+
+  // COLMAP keeps the first model that is large enough, be it a splinter after which no other finds a beginning. So only
+  // one of most photographs is, until there is none of a few beginnings.
+  Outcome solve() {
+    const fs::path part = work_ / "sparse.part";
+    const std::size_t count = photographs_.size();
+    const std::size_t least = std::min(kSmallestModel, std::max(kFewestCameras, count / 3));
+    const std::size_t most = std::min(kSmallestModel, count * 3 / 4);
+    std::string why;
+    std::vector<FoundModel> models;
+    if (most > least && options_.mapper == Mapper::incremental) {
+      models = findCameras(part, most, kFirstTrials, why);
+      if (models.empty()) {
+        listener_.say(formatted("no %zu of the %zu photographs hang together: %zu are enough", most, count, least));
+      }
+    }
+    if (models.empty()) models = findCameras(part, least, 0, why);
+    if (models.empty()) foundNone(why);
     listener_.progress("cameras", count, count);
-    const std::vector<FoundModel> models = findModels(part);
-    if (models.empty()) foundNone("");
     if (models.size() > 1) {
       std::string sizes;
       for (std::size_t i = 1; i < models.size(); ++i) {

@@ -47,9 +47,11 @@ elif task == "matches":
     pairing.match_list_path = pairs
     pycolmap.match_image_pairs(database, matching_options=options, pairing_options=pairing)
 else:
-    database, images, models, smallest, threads = arguments
+    database, images, models, smallest, trials, threads = arguments
     options = pycolmap.GlobalPipelineOptions() if task == "global" else pycolmap.IncrementalPipelineOptions()
     options.num_threads, options.min_model_size = int(threads), int(smallest)
+    if int(trials) > 0:
+        options.init_num_trials = int(trials)
     solve = pycolmap.global_mapping if task == "global" else pycolmap.incremental_mapping
     solve(database, images, models, options)
 )";
@@ -185,11 +187,11 @@ Words matchPairs(const Solver& solver, const SolverFiles& files, const fs::path&
 }
 
 Words solveCameras(const Solver& solver, const SolverFiles& files, const fs::path& models, Mapper mapper,
-                   std::size_t smallest_model, int threads) {
+                   std::size_t smallest_model, int trials, int threads) {
   const std::string smallest = std::to_string(smallest_model);
   if (solver.kind == SolverKind::pycolmap) {
     return script(solver, {std::string(name(mapper)), files.database.string(), files.images.string(), models.string(),
-                           smallest, threadsWord(threads)});
+                           smallest, std::to_string(trials), threadsWord(threads)});
   }
   const bool global = mapper == Mapper::global;
   Words words = {solver.program,    global ? "global_mapper" : "mapper",
@@ -199,6 +201,7 @@ Words solveCameras(const Solver& solver, const SolverFiles& files, const fs::pat
   const std::string options = global ? "--GlobalMapper." : "--Mapper.";
   words.insert(words.end(), {options + "num_threads", threadsWord(threads)});
   if (!global) words.insert(words.end(), {options + "min_model_size", smallest});
+  if (!global && trials > 0) words.insert(words.end(), {options + "init_num_trials", std::to_string(trials)});
   return words;
 }
 

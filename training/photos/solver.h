@@ -44,14 +44,14 @@ struct SolverFiles {
   std::filesystem::path images;
 };
 // Command lines; threads: 0 for all. `list` names the photographs that one camera took, `pairs` what is matched, a line
-// each.
+// each. trials: beginnings of a model that the incremental mapper tries in a round; 0: as many as it usually does.
 std::vector<std::string> findFeatures(const Solver& solver, const SolverFiles& files, const std::filesystem::path& list,
                                       LensModel lens, const std::string& parameters, int threads);
 std::vector<std::string> matchPairs(const Solver& solver, const SolverFiles& files, const std::filesystem::path& pairs,
                                     int threads);
 std::vector<std::string> solveCameras(const Solver& solver, const SolverFiles& files,
                                       const std::filesystem::path& models, Mapper mapper, std::size_t smallest_model,
-                                      int threads);
+                                      int trials, int threads);
 
 // The number of photographs done that a line of COLMAP speaks of; 0: of none. `registered`: by the mapper.
 std::size_t photographsDone(std::string_view line, bool registered);

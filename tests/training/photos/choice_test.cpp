@@ -203,7 +203,9 @@ TEST_CASE("COLMAP's options have the names of its version", "[photos]") {
   solver.renamed_options = true;
   CHECK(has(features(), "--FeatureExtraction.use_gpu"));
   CHECK(has(tg::matchPairs(solver, {}, "list", 0), "--FeatureMatching.use_gpu"));
-  CHECK(has(tg::solveCameras(solver, {}, "out", tg::Mapper::global, 3, 0), "global_mapper"));
+  CHECK(has(tg::solveCameras(solver, {}, "out", tg::Mapper::global, 3, 0, 0), "global_mapper"));
+  CHECK(has(tg::solveCameras(solver, {}, "out", tg::Mapper::incremental, 3, 5, 0), "--Mapper.init_num_trials"));
+  CHECK_FALSE(has(tg::solveCameras(solver, {}, "out", tg::Mapper::incremental, 3, 0, 0), "--Mapper.init_num_trials"));
   CHECK(tg::lensParameters(tg::LensModel::simpleRadial, 700, 640, 480) == "700,320,240,0");
 
   CHECK(tg::photographsDone("Processed file [27/30]", false) == 27);
