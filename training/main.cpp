@@ -69,6 +69,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   options.title = tg::nameOf("", options.dataset);
   options.dataset = photos.work.string();
   options.run.resume = ledger.isBegun(tg::PhotoStage::training, made_of);
+  options.goes_on = true;
   if (!options.run.resume) {
     tg::checkOutputs(options, false);
     tg::checkData(options);  // before the run that is there goes

@@ -155,7 +155,8 @@ void TrainingOutputs::say(const TrainReport& report) const {
   }
   if (untextured_) std::printf("wrote %s, without textures\n", options_.untextured_output.c_str());
   if (run_ && report.interrupted) {
-    std::printf("the same command with --resume goes on from %s\n", run_->checkpoint().c_str());
+    std::printf("the same command%s goes on from %s\n", options_.goes_on ? "" : " with --resume",
+                run_->checkpoint().c_str());
   }
   std::fflush(stdout);
 }

@@ -33,6 +33,7 @@ struct TrainFlags {
   int threads = 0;
   bool overwrite = false;
   bool watch = false;
+  bool goes_on = false;  // the same command does, also without --resume
   std::string serve, serve_token;
   std::string title;  // of the page; "": the data set's name
   bool quiet = false;

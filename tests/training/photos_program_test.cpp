@@ -20,6 +20,7 @@
 #include "program.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "training/child.h"
 #include "training/data/dataset.h"
 
 namespace fs = std::filesystem;
@@ -259,6 +260,16 @@ TEST_CASE("a command that was killed goes on where it was, and its child ends wi
   CHECK(trial.calls() == kAll.substr(kAll.find(task)));
 }
 
+TEST_CASE("a training of photographs that is stopped says that the same command goes on", "[photos]") {
+  const Trial trial;
+  REQUIRE(trial.photos("photos -o model.tgz" + kShort).code == 0);
+  tg::test::Child child(trial, "photos photos -o model.tgz --overwrite --iterations 1000000 --densification none");
+  child.until([&] { return child.output().find("plain ") != std::string::npos; });
+  child.send(SIGINT);
+  CHECK(child.end() == 128 + SIGINT);
+  CHECK_THAT(child.output(), Contains("the same command goes on from model.photos/run/checkpoint"));
+}
+
 TEST_CASE("the largest model is taken, and who is in none hears why", "[photos]") {
   Trial trial;
   const tg::Dataset dataset = tg::loadDataset(trial / "scene", {});
@@ -434,6 +445,7 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   says(trial.photos("photos -o x.tgz --work photos"), 4, "photos: holds other files");
   says(trial.photos("photos -o y.tgz", "/nowhere"), 5,
        "no COLMAP found (expected colmap on the PATH, as `apt install colmap`");
+  CHECK_FALSE(fs::exists(trial / "y.photos"));
   says(trial.photos("photos -o y.tgz --mapper global"), 5, "has no global mapper");
   fs::create_directory(trial / "only");
   fs::copy(trial / "bin/colmap", trial / "only/colmap");

@@ -39,7 +39,7 @@ std::string ascii(const std::string& text) {
 
 Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
-  fs::create_directories(folder_, error);
+  made_ = fs::create_directories(folder_, error);
   if (error) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot make this folder: " + error.message());
   lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (lock_ < 0) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot open this folder: " + systemReason());
@@ -79,7 +79,15 @@ Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
   }
 }
 
-Ledger::~Ledger() { ::close(lock_); }
+Ledger::~Ledger() {
+  if (made_ && entries_.empty()) {
+    std::error_code ignored;
+    fs::remove(folder_ / kFile, ignored);
+    fs::remove_all(folder_ / "logs", ignored);
+    fs::remove(folder_, ignored);  // where nothing else is in it
+  }
+  ::close(lock_);
+}
 
 bool Ledger::isBegun(PhotoStage stage, const std::string& made_of) const {
   const auto found = entries_.find(stage);

@@ -19,8 +19,8 @@ class Ledger {
  public:
   static constexpr const char* kFile = "photos.json";
 
-  // Makes and locks the folder. A list that cannot be understood counts as none. Throws Error(cannotWrite), also for a
-  // folder with other people's files.
+  // Makes and locks the folder, which goes again where no stage has begun in it. A list that cannot be understood
+  // counts as none. Throws Error(cannotWrite), also for a folder with other people's files.
   explicit Ledger(std::filesystem::path folder);
   ~Ledger();
   Ledger& operator=(Ledger&&) = delete;
@@ -45,7 +45,8 @@ class Ledger {
 
   const std::filesystem::path folder_;
   std::map<PhotoStage, Entry> entries_;
-  int lock_ = -1;  // descriptor of the folder
+  bool made_ = false;  // was not there before
+  int lock_ = -1;      // descriptor of the folder
 };
 
 }  // namespace tg

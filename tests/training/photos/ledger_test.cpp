@@ -53,3 +53,22 @@ TEST_CASE("a folder with other people's files is refused, a broken list is none"
     CHECK_FALSE(ledger.isBegun(PhotoStage::photographs, ""));
   }
 }
+
+TEST_CASE("a folder in which no stage began goes again but not what else is in it", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const auto use = [&] {
+    const Ledger ledger(folder / "work");
+    std::filesystem::create_directory(folder / "work/logs");
+    std::ofstream(folder / "work/logs/solver.txt") << "no COLMAP";
+  };
+  use();
+  CHECK_FALSE(std::filesystem::exists(folder / "work"));
+  {
+    const Ledger ledger(folder / "work");
+    std::ofstream(folder / "work/notes.txt") << "mine";
+  }
+  CHECK(std::filesystem::exists(folder / "work/notes.txt"));
+  std::filesystem::remove(folder / "work/notes.txt");
+  use();  // it was there before
+  CHECK(std::filesystem::exists(folder / "work/photos.json"));
+}
