@@ -58,11 +58,11 @@ tg::EvalReport::Views score(const tg::EvalOptions& options, const tg::EvalGroup&
                             const std::optional<tg::Lpips>& lpips) {
   const tg::Dataset dataset = tg::readEvalViews(options, group.dataset, scene.trained.background);
   if (!options.quiet) tg::warnOfOtherViews(group.models.front(), scene, dataset);
+  if (!options.side_by_side.empty()) {
+    for (const tg::Camera& view : dataset.views) tg::requireSideBySide(view.size, options.side_by_side);
+  }
   const std::vector<fs::path> pictures = pictureFiles(options.images, dataset, options.overwrite);
   const std::vector<fs::path> comparisons = pictureFiles(options.side_by_side, dataset, options.overwrite);
-  for (std::size_t i = 0; i < comparisons.size(); ++i) {
-    if (!comparisons[i].empty()) tg::requireSideBySide(dataset.views[i].size, comparisons[i].string());
-  }
   tg::EvalReport::Views views;
   views.dataset = dataset.name;
   views.split = options.split;

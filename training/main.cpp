@@ -21,6 +21,7 @@
 #include "training/outputs.h"
 #include "training/photos_flags.h"
 #include "training/plot.h"
+#include "training/run/run_folder.h"
 #include "training/split_flags.h"
 #include "training/together.h"
 #include "training/train.h"
@@ -38,6 +39,12 @@ void refuseLaterRun(const tg::PhotosOptions& photos, tg::Ledger& ledger, const s
   if (!undone && ledger.isBegun(tg::PhotoStage::training, made_of)) return;
   try {
     tg::checkOutputs(options, false);
+    if (options.run.folder != photos.work / "run") {
+      tg::RunFolderOptions run = options.run;
+      run.resume = false;
+      run.overwrite = options.overwrite;
+      const tg::RunFolder free(run);
+    }
   } catch (const tg::Error& error) {
     throw tg::Error(error.kind, error.what() + ("; for this input and these flags " + photos.work.string()) +
                                     " is made anew from its " +
@@ -64,7 +71,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   tg::checkInput(photos);
   tg::Ledger ledger(photos.work);
   refuseLaterRun(photos, ledger, made_of, options);
-  tg::preparePhotosAloud(photos, ledger, !options.talks());
+  tg::preparePhotosAloud(photos, ledger, options.talks(), options.quiet);
 
   options.title = tg::nameOf("", options.dataset);
   options.dataset = photos.work.string();

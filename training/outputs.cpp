@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Owns each file of a run before it is written, so that who is killed meanwhile finds it again.
 #include "training/outputs.h"
 
 #include <cstdio>
@@ -69,19 +70,30 @@ TrainingOutputs::TrainingOutputs(const TrainFlags& options, const Dataset& datas
                                  RunFolder* run)
     : options_(options), dataset_(dataset), settings_(settings), run_(run) {}
 
-// Calls write(replace) for an output. What a run wrote when it was stopped, it replaces when it goes on.
+// Calls write(replace) for an output, which says whether it wrote it. What a run wrote when it was stopped, it replaces
+// when it goes on.
 template <typename Write>
 void TrainingOutputs::writeOutput(const std::string& path, const Write& write) {
-  const bool replace = options_.overwrite || (run_ && run_->owns(path));
+  const bool was_own = run_ && run_->owns(path), replace = options_.overwrite || was_own;
   std::error_code ignored;
   if (run_ && (replace || !fs::exists(path, ignored))) run_->setOwn(path, true);
+  bool wrote = false;
   try {
-    write(replace);
+    wrote = write(replace);
   } catch (const Error&) {
-    if (run_ && !replace) disown(*run_, path);
+    if (run_ && !was_own) disown(*run_, path);
     throw;
   }
-  if (run_) run_->markWritten(path);
+  if (!run_) return;
+  if (!wrote) {
+    if (!was_own) disown(*run_, path);
+    return;
+  }
+  try {
+    run_->markWritten(path);
+  } catch (const Error&) {
+    // It is then as one that is being written, and what is written matters more.
+  }
 }
 
 // Returns the model's training.json.
@@ -94,12 +106,13 @@ std::string TrainingOutputs::save(const std::string& path, GaussianModel model, 
     try {
       const std::string facts = writeScene(path, std::move(bundle), replace, kept, options_.quiet, size);
       if (path == options_.output) written_ = facts;
+      return true;
     } catch (const Error& error) {
       // What a training was stopped at may be larger than what would have come of it.
       if (!report.interrupted || size.bytes == 0 || error.kind != ErrorKind::usage) throw;
       std::fprintf(stderr, "tgtrain: %s\n", error.what());
-      if (run_ && !replace) disown(*run_, path);
       too_large_ = true;
+      return false;
     }
   });
   return training_json;
@@ -117,6 +130,7 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
         writeAfterTraining(
             options_.output, replace, [&] { copyFileAtomically(run_->model(), options_.output); },
             [&] { return run_->model().string(); });
+        return true;
       });
     } else if (!options_.output.empty()) {
       save(options_.output, std::move(result.model), settings_, result.report, size);
@@ -140,6 +154,7 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
     writeOutput(options_.json, [&](bool replace) {
       const KeepExisting no_other_run(!replace);
       writeTextAtomically(options_.json, training_json);
+      return true;
     });
   }
 }

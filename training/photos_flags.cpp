@@ -80,12 +80,12 @@ PhotosOptions photosOptions(const PhotosFlags& flags, const std::string& input, 
   return options;
 }
 
-void preparePhotosAloud(const PhotosOptions& options, Ledger& ledger, bool quiet) {
+void preparePhotosAloud(const PhotosOptions& options, Ledger& ledger, bool talks, bool quiet) {
   ProgressLine progress;
   PhotosListener listener;
   listener.say = [&](const std::string& line) {
     progress.finish();
-    if (!quiet) std::printf("%s\n", printable(line).c_str());
+    if (talks) std::printf("%s\n", printable(line).c_str());
     std::fflush(stdout);
   };
   listener.warn = [&](const std::string& line) {

@@ -25,8 +25,8 @@ void addPhotosFlags(CLI::App& app, PhotosFlags& flags);
 // Of a model that is written to `output`.
 PhotosOptions photosOptions(const PhotosFlags& flags, const std::string& input, const std::string& output, int threads);
 
-// preparePhotos with lines on stdout, unless `quiet`, warnings and progress on stderr. Ctrl-C, kill and a closed
-// terminal end the program by their signal, from which the same command goes on.
-void preparePhotosAloud(const PhotosOptions& options, Ledger& ledger, bool quiet);
+// preparePhotos with lines on stdout where it `talks`, progress unless `quiet` and warnings on stderr. Ctrl-C, kill and
+// a closed terminal end the program by their signal, from which the same command goes on.
+void preparePhotosAloud(const PhotosOptions& options, Ledger& ledger, bool talks, bool quiet);
 
 }  // namespace tg

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Size first: how long a stage for the file takes follows from the stages before it.
 #include "training/plan.h"
 
 #include <algorithm>

@@ -24,7 +24,7 @@ struct EvalOptions {
   int threads = 0;
   bool effective_rank = false;
   bool overwrite = false;
-  bool quiet = false;  // neither tables nor progress
+  bool quiet = false;                                               // neither tables nor progress
   bool talks() const { return !quiet && json != kStandardOutput; }  // on standard output
   DatasetFlags data;
   std::string blocks;  // folder of tgtrain split: how the seams are

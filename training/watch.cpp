@@ -41,8 +41,14 @@ void start(std::vector<std::string> words) {
   // A process group of its own keeps the terminal's Ctrl-C away; the training's handlers are reset by exec itself.
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
   ::posix_spawnattr_setpgroup(&attributes, 0);
+  // What reads our standard output is not to wait until the window is closed.
+  posix_spawn_file_actions_t streams;
+  int error = ::posix_spawn_file_actions_init(&streams);
+  if (error == 0) error = ::posix_spawn_file_actions_adddup2(&streams, STDERR_FILENO, STDOUT_FILENO);
   pid_t process = 0;
-  if (const int error = ::posix_spawn(&process, viewer.c_str(), nullptr, &attributes, arguments.data(), environ)) {
+  if (error == 0) error = ::posix_spawn(&process, viewer.c_str(), &streams, &attributes, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&streams);
+  if (error != 0) {
     throw Error(ErrorKind::device, viewer, "cannot start: " + std::generic_category().message(error));
   }
 }

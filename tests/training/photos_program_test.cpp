@@ -217,6 +217,13 @@ TEST_CASE("photographs become a model by one command, which does nothing twice",
   CHECK(trial.photos("photos -o model.tgz --iterations 5 --texture-iterations 2 --gaussians 40 --overwrite").code == 0);
   CHECK(trial.calls().empty());
 
+  // A folder that holds no run of this one is named before COLMAP's hours.
+  fs::create_directory(trial / "other");
+  std::ofstream(trial / "other/notes.txt") << "mine";
+  const Outcome elsewhere = trial.photos("photos -o n.tgz --run other" + kShort);
+  CHECK(elsewhere.code == 4);
+  CHECK_THAT(elsewhere.output, Contains("other: exists already"));
+  CHECK(trial.calls().empty());
   // Another way to match: from there on anew.
   CHECK(trial.photos("photos -o model.tgz --overwrite --matching sequential" + kShort).code == 0);
   CHECK(trial.calls() == "matches_importer\nmapper\n");

@@ -27,14 +27,14 @@ constexpr unsigned kMaxImageSide = kMaxCameraSide;  // [px] that a description m
 struct Dataset {
   std::string name;  // of the folder
   DatasetLayout layout = DatasetLayout::automatic;
-  std::vector<Camera> views;        // of the photographs: sorted by image name inside train and test; train first
-  std::vector<std::string> files;   // of each: its path below the data set's folder, as the data set lists it
+  std::vector<Camera> views;       // of the photographs: sorted by image name inside train and test; train first
+  std::vector<std::string> files;  // of each: its path below the data set's folder, as the data set lists it
   std::vector<std::filesystem::path> sources;  // what is read for them: photographs and masks
-  std::optional<SceneBlock> block;  // of a scene in blocks
-  PointCloud points;                // empty when the data set has none
-  glm::vec3 background{0.0f};       // what scores are taken against, and training without random_background
-  bool random_background = false;   // transparency is kept: training composites over a new colour every time
-  bool validation = false;          // the views called test are training views that were held out
+  std::optional<SceneBlock> block;             // of a scene in blocks
+  PointCloud points;                           // empty when the data set has none
+  glm::vec3 background{0.0f};                  // what scores are taken against, and training without random_background
+  bool random_background = false;              // transparency is kept: training composites over a new colour every time
+  bool validation = false;                     // the views called test are training views that were held out
   MaskMeaning masks = MaskMeaning::hidden;
   std::vector<std::string> notes;                // what a user should know: one line each, without the data set's path
   int missing_images = 0;                        // listed by the data set, not on disk: skipped
@@ -124,7 +124,7 @@ struct DatasetIndex {
   PointCloud points;
   std::string points_file;  // where they are from; empty: the data set names none
   bool points_missing = false;
-  bool has_split = false;         // Camera::test is set
+  bool has_split = false;          // Camera::test is set
   std::vector<std::string> notes;  // of Dataset::notes
   std::size_t outside_split = 0;   // frames that are not entries, as no list of the data set's names them
   std::optional<glm::vec3> background;

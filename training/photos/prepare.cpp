@@ -284,8 +284,9 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
       TakenPhotograph photograph = readPhotograph(source);
       const int orientation = photograph.facts.orientation;
       const int width = photograph.image.width, height = photograph.image.height;
+      std::vector<float> glance;
       if (isNamesake(i - 1) || isNamesake(i + 1)) {
-        const std::vector<float> glance = glanceAt(photograph.image);
+        glance = glanceAt(photograph.image);
         const auto original = std::ranges::find_if(namesakes, [&](const Namesake& other) {
           return other.width == width && other.height == height && lookAlike(other.glance, glance);
         });
@@ -296,12 +297,13 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
           }
           continue;
         }
-        namesakes.push_back({list.photographs[i], "", width, height, glance, !mask.empty()});
       }
       largest = std::max({largest, width, height});
       prepared.push_back(keep(source, std::move(photograph), options.longest_side, folder, names[i]));
       prepared.back().source = list.photographs[i].string();
-      if (!namesakes.empty()) namesakes.back().name = prepared.back().name;
+      if (!glance.empty()) {
+        namesakes.push_back({list.photographs[i], prepared.back().name, width, height, glance, !mask.empty()});
+      }
       if (mask.empty()) continue;
       found.push_back({mask, orientation, width, height, masks / (prepared.back().name + ".png")});
     } catch (const Error& error) {

@@ -179,7 +179,9 @@ Walk walkThrough(const fs::path& walked, const fs::path& place, const fs::path& 
 bool isBefore(const fs::path& a, const fs::path& b) {
   const fs::path x = fs::path(a).replace_extension(), y = fs::path(b).replace_extension();
   const auto [in_x, in_y] = std::ranges::mismatch(x, y);
-  if (in_x == x.end() && in_y == y.end()) return a < b;
+  if (in_x == x.end() && in_y == y.end()) {
+    return std::pair(lowerExtension(a), a.native()) < std::pair(lowerExtension(b), b.native());
+  }
   if (in_x == x.end() || in_y == y.end()) return in_x == x.end();
   return ::strverscmp(in_x->c_str(), in_y->c_str()) < 0;
 }

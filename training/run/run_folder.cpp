@@ -17,8 +17,8 @@
 
 #include "core/file/file.h"
 #include "core/file/json.h"
-#include "core/image/drawn.h"
 #include "core/file/sha256.h"
+#include "core/image/drawn.h"
 #include "core/run/live.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -113,7 +113,15 @@ void writeOutputs(const fs::path& folder, const std::vector<OwnFile>& outputs) {
 }
 
 std::string sha256Of(const fs::path& file) {
-  return sha256Hex(readFile(file, std::numeric_limits<std::uint64_t>::max()));
+  const FileReader reader(file, std::numeric_limits<std::uint64_t>::max());
+  std::vector<std::uint8_t> piece(std::size_t{1} << 20);
+  Sha256 sum;
+  for (std::uint64_t at = 0; at < reader.size(); at += piece.size()) {
+    piece.resize(static_cast<std::size_t>(std::min<std::uint64_t>(piece.size(), reader.size() - at)));
+    reader.read(at, piece);
+    sum.add(piece);
+  }
+  return sum.hex();
 }
 
 std::string previewName(Stage stage, int iteration) {

@@ -23,7 +23,9 @@ TrainedOn trainedOn(const Bundle& bundle) {
   if (is_exact && !wasForValidation(bundle.training_json)) trained.cameras = bundle.cameras;
   // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
   // lost on the same ways.
-  if (bundle.format == "tgz" || !bundle.cameras.empty()) trained.background = bundle.background;
+  if (bundle.knows_background && (bundle.format == "tgz" || !bundle.cameras.empty())) {
+    trained.background = bundle.background;
+  }
   return trained;
 }
 

@@ -550,7 +550,7 @@ TEST_CASE("one picture in two formats is one photograph, two pictures of one nam
     tg::writeImage(folder / "in" / name, image);
   };
   put("a.jpg", 1, 1);
-  put("a.png", 1, 1);
+  put("a.PNG", 1, 1);
   put("a 2.png", 1, 0.99f);  // another name
   put("sub/a.png", 1, 0.98f);
   put("b.jpg", 1, 0.97f);
@@ -560,7 +560,7 @@ TEST_CASE("one picture in two formats is one photograph, two pictures of one nam
   put("e.png", 6, 1);
   writeJpegWithExif(folder / "in/e.jpg", kBlock);  // is turned
   // Neither COLMAP nor the score should see a twin, but its mask counts.
-  for (const char* name : {"a.png.png", "e.jpg.png", "e.png.png"}) {
+  for (const char* name : {"a.PNG.png", "e.jpg.png", "e.png.png"}) {
     fs::create_directories(folder / "in/masks");
     tg::writeImage(folder / "in/masks" / name,
                    name[0] == 'a' ? tg::Image(40, 30, 1, 1.0f) : tg::Image(30, 40, 1, 1.0f));
@@ -568,7 +568,7 @@ TEST_CASE("one picture in two formats is one photograph, two pictures of one nam
   const auto [names, said] = prepared(folder);
   CHECK(names ==
         std::vector<std::string>{"a.jpg", "a_2_2.png", "b.jpg", "b_2.png", "d.jpg", "d_2.png", "e.jpg", "sub_a.png"});
-  CHECK_THAT(said, Contains("in: left out, copies in another format: a.png (of a.jpg), e.png (of e.jpg)\n"));
+  CHECK_THAT(said, Contains("in: left out, copies in another format: a.PNG (of a.jpg), e.png (of e.jpg)\n"));
   CHECK_THAT(said, Contains("2 of 8 photographs have a mask"));
   CHECK((fs::exists(folder / "masks/a.jpg.png") && fs::exists(folder / "masks/e.jpg.png")));
 
@@ -577,7 +577,7 @@ TEST_CASE("one picture in two formats is one photograph, two pictures of one nam
   const std::string name = (folder / "in/a").string();
   REQUIRE(std::system(
               (encoder->string() + " -q 60 '" + name + ".jpg' -o '" + name + ".heic' >/dev/null 2>&1").c_str()) == 0);
-  CHECK_THAT(prepared(folder).second, Contains("format: a.jpg (of a.heic), a.png (of a.heic), e.png (of e.jpg)\n"));
+  CHECK_THAT(prepared(folder).second, Contains("format: a.jpg (of a.heic), a.PNG (of a.heic), e.png (of e.jpg)\n"));
 }
 
 TEST_CASE("what was drawn or made among photographs is none of them, unless there are no others", "[photos]") {

@@ -6,10 +6,12 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "core/bundle/bundle.h"
 #include "core/image/metrics.h"
+#include "core/system/random.h"
 #include "support/catch.h"
 #include "training/score/eval_report.h"
-#include "core/system/random.h"
+#include "training/score/trained_on.h"
 
 namespace {
 
@@ -50,6 +52,16 @@ TEST_CASE("a view is scored by every metric, over the pixels that count", "[eval
   CHECK(same.psnr_float == masked.psnr_float);
   CHECK(same.ssim == masked.ssim);
   CHECK(same.flip == masked.flip);
+}
+
+TEST_CASE("a background that a file does not state is not the model's", "[evaluate]") {
+  tg::Bundle bundle;
+  bundle.format = "glb";
+  bundle.cameras.resize(1);
+  bundle.background = {1, 0, 0};
+  CHECK(tg::trainedOn(bundle).background == glm::vec3(1, 0, 0));
+  bundle.knows_background = false;
+  CHECK_FALSE(tg::trainedOn(bundle).background);
 }
 
 TEST_CASE("means are over the views, a metric that no view has stays away", "[evaluate]") {
