@@ -20,11 +20,10 @@
 namespace tg {
 namespace {
 
-// Pages of all kinds are called .html: ours are told by their content alone.
 bool isNamedAsModel(const std::filesystem::path& path) {
   const std::string name = lowerCase(path.filename().string());
   return std::ranges::any_of(formats(), [&](const Format& format) {
-    return format.read && format.name != "html" && name.ends_with(extensionOf(format));
+    return format.read && !format.names_others && name.ends_with(extensionOf(format));
   });
 }
 

@@ -333,6 +333,7 @@ constexpr Format kFormats[] = {
      .write = writeBaseTiles,
      .beside = bytesOfContent,
      .axes = kGltfAxes,
+     .names_others = true,
      .is_common = true,  // in a folder its content is read as well
      .whole_name = true},
     {.name = "glb",
@@ -369,6 +370,7 @@ constexpr Format kFormats[] = {
      .write = writeScene<writeHtml>,
      .axes = kGltfAxes,
      .is_gltf = true,
+     .names_others = true,
      .has_base = true,
      .has_steps = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},

@@ -74,6 +74,8 @@ struct Format {
   std::uint64_t (*beside)(const std::filesystem::path& path) = nullptr;
   FileAxes axes = kModelAxes;
   bool is_gltf = false;     // or around it
+  // A file of a folder is none by its name: any page is an .html, and a tileset's content lies there itself.
+  bool names_others = false;
   bool has_base = false;    // beside the textures, for readers that know none
   bool has_steps = false;   // WriteOptions::steps make it smaller and coarser
   bool streams = false;     // written from Gaussians that are not in memory as a whole

@@ -350,6 +350,21 @@ TEST_CASE("what is named as a model in a folder and is none fails and other file
   CHECK(result.code == 3);  // the first one's: of an unknown content
 }
 
+TEST_CASE("a folder with a tileset and its content holds one model") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 45));
+  REQUIRE(tgconvert(scratch, "in.ply t/tileset.json").code == 0);
+  REQUIRE(tgconvert(scratch, "in.ply t/near.tileset.json").code == 0);
+  scratch.write("t/far.tileset.json", R"({"geometricError": 1, "root": {"contents": [{"uri": "content.glb"},)"
+                                      R"( {"uri": "near.content.glb"}]}})");
+  std::filesystem::remove(scratch.folder() / "t/near.content.glb");
+  const Result result = tgconvert(scratch, "t out --to ply");
+  CHECK(result.code == 0);
+  CHECK(result.out.find("1 models written, 0 failed") != std::string::npos);
+  CHECK(std::filesystem::exists(scratch.folder() / "out/content.ply"));
+  CHECK(!std::filesystem::exists(scratch.folder() / "out/tileset.ply"));
+}
+
 TEST_CASE("two models of a folder that differ by their format's name alone are two files, and warnings are told") {
   const Scratch scratch;
   std::filesystem::create_directory(scratch.folder() / "in");
