@@ -62,7 +62,7 @@ class GltfBuilder {
   // are there already; otherwise they are an error. The sum of their sizes.
   std::uint64_t writeGltf(const std::filesystem::path& path, bool replace);
   std::size_t primitives() const { return ends_.size(); }
-  // What either would write, but for the JSON, and of packed attributes at most [bytes].
+  // About what either would write, but for the JSON, and of packed attributes at most [bytes].
   std::uint64_t binaryBytes() const;
 
   nlohmann::ordered_json document;

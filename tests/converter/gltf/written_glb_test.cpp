@@ -127,13 +127,16 @@ TEST_CASE("packed rectangles of Gaussians without a texture cost little, and com
   }
   writeGlb(path, {model, {}, glm::vec3(0.0f), {.quantize = true, .meshopt = true}});
   const Glb glb = Glb::read(path);
+  int found = 0;
   for (const auto& view : glb.json["bufferViews"]) {
     if (!view.contains("extensions")) continue;
     const auto& packed = view["extensions"]["EXT_meshopt_compression"];
     if (packed["byteStride"] != 8 || packed["filter"] != "NONE") continue;
+    ++found;
     REQUIRE(packed["count"] == model.size());  // rectangles alone are such
     CHECK(2 * packed["byteLength"].get<std::size_t>() < 3 * model.size());
   }
+  REQUIRE(found == 1);
   CHECK(checkFile(path).errors.empty());
   const GaussianModel out = readModel(path).model;
   for (std::size_t i = 0; i < model.size(); ++i) {
