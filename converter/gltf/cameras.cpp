@@ -109,21 +109,25 @@ nlohmann::ordered_json listViews(std::span<const Camera> views) {
   return list;
 }
 
-std::vector<Camera> readViews(const tinygltf::Value& list, std::size_t& skipped) {
+std::vector<Camera> readViews(const tinygltf::Value& list, const RigidScale& world_from_scene, std::size_t& skipped) {
   std::vector<Camera> views;
   skipped = list.IsArray() ? 0 : 1;
   const int count = list.IsArray() ? static_cast<int>(list.ArrayLen()) : 0;
   for (int i = 0; i < count; ++i) {
     const tinygltf::Value& view = list.Get(i);
     Camera camera;
-    const auto t = numbers<3>(view, "translation");
+    auto t = numbers<3>(view, "translation");
     const auto q = numbers<4>(view, "rotation");
     if (!t || !q || !readIntrinsics(view, camera) || !(glm::length(*q) > 0)) {
       ++skipped;
       continue;
     }
     if (view.Has("name") && view.Get("name").IsString()) camera.name = view.Get("name").Get<std::string>();
-    const glm::dmat3 rotation = matrixFromQuaternion({q->w, q->x, q->y, q->z});
+    glm::dmat3 rotation = matrixFromQuaternion({q->w, q->x, q->y, q->z});
+    if (!world_from_scene.identity) {
+      rotation = world_from_scene.rotation * rotation;
+      t = world_from_scene.scale * (world_from_scene.rotation * *t) + world_from_scene.translation;
+    }
     camera.rotation = glm::transpose(turnCameraAxes(turnWorldAxes(rotation)));
     camera.translation = -camera.rotation * turnAxes(*t);
     // What is written of them are floats, too.

@@ -22,8 +22,8 @@ void addCameras(nlohmann::ordered_json& root, std::span<const Camera> cameras);
 // A list of cameras that are no nodes, for asset.extras: name, translation and rotation as of a node, and what its
 // extras hold but the split.
 nlohmann::ordered_json listViews(std::span<const Camera> views);
-// And back: those that are whole; `skipped` counts the others.
-std::vector<Camera> readViews(const tinygltf::Value& list, std::size_t& skipped);
+// And back, of a scene that stands at `world_from_scene`: those that are whole; `skipped` counts the others.
+std::vector<Camera> readViews(const tinygltf::Value& list, const RigidScale& world_from_scene, std::size_t& skipped);
 
 // The camera of a node. Files of other programs know no image size: 720 rows then. Nothing, with a warning, for an
 // orthographic camera and for a pose that is not rigid.

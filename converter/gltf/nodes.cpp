@@ -68,30 +68,37 @@ std::vector<PlacedNode> placeNodes(const GltfDocument& document, const glm::dmat
   return placed;
 }
 
-RigidScale decompose(const GltfDocument& document, const PlacedNode& placed) {
-  const glm::dmat4& m = placed.world_from_node;
+std::optional<RigidScale> decompose(const glm::dmat4& m, std::string& wrong) {
   RigidScale result;
   result.identity = m == glm::dmat4(1.0);
   if (result.identity) return result;
   const auto fail = [&](const std::string& what) {
-    throw document.bad(pointerOf(placed.node), what + " (expected a uniform scale, a rotation and a translation)");
+    wrong = what + " (expected a uniform scale, a rotation and a translation)";
+    return std::nullopt;
   };
   const glm::dmat3 linear(m);
   result.translation = glm::dvec3(m[3]);
   const double determinant = glm::determinant(linear);
-  for (int k = 0; k < 16; ++k) {
-    if (!std::isfinite(m[k / 4][k % 4])) fail("the transform is not finite");
-  }
-  if (!(determinant > 0.0)) fail("the transform mirrors or flattens");
+  bool finite = std::isfinite(determinant);
+  for (int k = 0; k < 16; ++k) finite = finite && std::isfinite(m[k / 4][k % 4]);
+  if (!finite) return fail("the transform is not finite");
+  if (!(determinant > 0.0)) return fail("the transform mirrors or flattens");
   result.scale = std::cbrt(determinant);
   result.rotation = linear / result.scale;
   const glm::dmat3 product = glm::transpose(result.rotation) * result.rotation;
   for (int k = 0; k < 9; ++k) {
     const double expected = k / 3 == k % 3 ? 1.0 : 0.0;
-    if (std::abs(product[k / 3][k % 3] - expected) > kNodeTolerance) fail("the transform shears or stretches");
+    if (std::abs(product[k / 3][k % 3] - expected) > kNodeTolerance) return fail("the transform shears or stretches");
   }
-  if (m[0][3] != 0.0 || m[1][3] != 0.0 || m[2][3] != 0.0 || m[3][3] != 1.0) fail("the transform is projective");
+  if (m[0][3] != 0.0 || m[1][3] != 0.0 || m[2][3] != 0.0 || m[3][3] != 1.0) return fail("the transform is projective");
   return result;
+}
+
+RigidScale decompose(const GltfDocument& document, const PlacedNode& placed) {
+  std::string wrong;
+  const std::optional<RigidScale> result = decompose(placed.world_from_node, wrong);
+  if (!result) throw document.bad(pointerOf(placed.node), wrong);
+  return *result;
 }
 
 }  // namespace tg

@@ -2,6 +2,8 @@
 // Walks a checked glTF scene: where every mesh and camera stands.
 #pragma once
 #include <glm/glm.hpp>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "converter/gltf/document.h"
@@ -14,8 +16,7 @@ struct PlacedNode {
 };
 
 // The nodes of the default scene (of all root nodes when there is none), parents first, in a scene that stands at
-// `world_from_scene`. Throws Error(badData) when
-// nodes form a cycle or a node has two parents.
+// `world_from_scene`. Throws Error(badData) when nodes form a cycle or a node has two parents.
 std::vector<PlacedNode> placeNodes(const GltfDocument& document, const glm::dmat4& world_from_scene = glm::dmat4(1.0));
 
 // A uniform scale, then a rotation, then a translation: what splats can follow.
@@ -25,7 +26,9 @@ struct RigidScale {
   glm::dvec3 translation{0.0};
   bool identity = true;
 };
-// Throws Error(badData) naming the node when the matrix shears, mirrors or scales axes differently.
+// Nothing when the matrix shears, mirrors or scales axes differently: `wrong` then says so.
+std::optional<RigidScale> decompose(const glm::dmat4& m, std::string& wrong);
+// Throws Error(badData) with it and the node.
 RigidScale decompose(const GltfDocument& document, const PlacedNode& placed);
 
 }  // namespace tg

@@ -28,6 +28,7 @@
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
+#include "core/system/assert.h"
 
 namespace tg {
 namespace {
@@ -452,7 +453,7 @@ void warnRepairs(GltfDocument& document, const SplatInstance& instance, const Re
 }
 
 // What write_gltf.cpp keeps in asset.extras.
-void readAssetExtras(GltfDocument& document, Bundle& loaded) {
+void readAssetExtras(GltfDocument& document, const RigidScale& world_from_scene, Bundle& loaded) {
   loaded.knows_background = false;
   const tinygltf::Value& extras = document.model.asset.extras;
   if (!extras.Has(kExtrasKey)) return;
@@ -467,7 +468,7 @@ void readAssetExtras(GltfDocument& document, Bundle& loaded) {
   }
   if (ours.Has("views")) {
     std::size_t skipped = 0;
-    loaded.views = readViews(ours.Get("views"), skipped);
+    loaded.views = readViews(ours.Get("views"), world_from_scene, skipped);
     if (skipped > 0) {
       document.warn("/asset/extras/" + std::string(kExtrasKey) + "/views",
                     std::to_string(skipped) + " views skipped (expected a pose, an image size and focal lengths)");
@@ -494,6 +495,9 @@ void readAssetExtras(GltfDocument& document, Bundle& loaded) {
 // The model of a document that has been checked. Takes its warnings.
 Bundle assemble(GltfDocument& document, const ReadOptions& options,
                 const glm::dmat4& world_from_scene = glm::dmat4(1.0)) {
+  std::string wrong;
+  const std::optional<RigidScale> place = decompose(world_from_scene, wrong);
+  TG_ASSERT(place, "a scene stands at a uniform scale, a rotation and a translation");
   document.warnings.clear();
   if (!options.base_only) checkExtensionPlaces(document);
   const std::vector<PlacedNode> nodes = placeNodes(document, world_from_scene);
@@ -501,7 +505,7 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options,
 
   Bundle loaded;
   GaussianModel& model = loaded.model;
-  readAssetExtras(document, loaded);
+  readAssetExtras(document, *place, loaded);
   for (SplatInstance& instance : instances) {
     model.sh_degree = std::max(model.sh_degree, instance.degree);
     instance.log_scales = hasLogScales(document, instance);

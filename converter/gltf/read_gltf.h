@@ -14,8 +14,8 @@
 namespace tg {
 
 // All splat primitives of the scene as one model in the toolchain's axes. `world_from_scene`: where the scene stands,
-// in glTF's axes. Throws Error(cannotRead / badData); a broken texture layer is an error, never a silent fall back to
-// the base.
+// in glTF's axes; decompose() of nodes.h must take it. Throws Error(cannotRead / badData); a broken texture layer is an
+// error, never a silent fall back to the base.
 Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
                 const glm::dmat4& world_from_scene = glm::dmat4(1.0));
 // The same from memory, without options.errors; `path` starts the messages.

@@ -5,13 +5,16 @@
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "converter/gltf/nodes.h"
 #include "converter/gltf/read_gltf.h"
 #include "converter/gltf/resolve.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/system/lower_case.h"
 
 namespace tg {
 namespace {
@@ -21,7 +24,9 @@ constexpr double kFarthest = 1e5;  // [m] from the origin, where floats still te
 
 struct PlacedTile {
   JsonNode tile;
-  glm::dmat4 transform;  // to the tileset's axes
+  glm::dmat4 transform;                            // to the tileset's axes
+  std::optional<JsonNode> refused = std::nullopt;  // the first transform, its own or above, that splats cannot follow
+  std::string wrong = {};                          // with it
 };
 
 glm::dmat4 transformOf(const JsonNode& tile) {
@@ -37,7 +42,17 @@ std::string nameOf(const JsonNode& content) {
   const std::optional<std::string> name = nameBeside(uri);
   if (!name) content.at("uri").fail("is no file beside the tileset (expected a relative name, found " +
                                     content.at("uri").shown() + ")");
+  if (lowerExtension(*name) == ".json") {
+    content.at("uri").fail("is another tileset (expected a .glb or .gltf, found " + content.at("uri").shown() + ")");
+  }
   return *name;
+}
+
+glm::dmat4 sceneFromContent(const glm::dmat4& transform) {
+  // A tile's z is up, where glTF has its y.
+  const glm::dmat4 tile_from_gltf(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, 0, 1, 0), glm::dvec4(0, -1, 0, 0),
+                                  glm::dvec4(0, 0, 0, 1));
+  return glm::transpose(tile_from_gltf) * transform * tile_from_gltf;
 }
 
 }  // namespace
@@ -49,9 +64,11 @@ TileContent parseTileset(std::span<const std::uint8_t> text, const std::string& 
   std::optional<TileContent> found;
   std::size_t contents = 0;
   while (!tiles.empty()) {
-    const PlacedTile at = std::move(tiles.back());
+    PlacedTile at = std::move(tiles.back());
     tiles.pop_back();
-    const glm::dmat4 transform = at.transform * transformOf(at.tile);
+    at.transform = at.transform * transformOf(at.tile);
+    if (!at.refused && !decompose(sceneFromContent(at.transform), at.wrong))
+      at.refused.emplace(at.tile.at("transform"));
     if (at.tile.has("implicitTiling")) at.tile.fail("has implicit tiles, which are not read");
     std::vector<JsonNode> own;
     if (at.tile.has("content")) own.push_back(at.tile.at("content"));
@@ -61,18 +78,18 @@ TileContent parseTileset(std::span<const std::uint8_t> text, const std::string& 
     }
     contents += own.size();
     if (!own.empty() && !found) {
-      // A tile's z is up, where glTF has its y.
-      const glm::dmat4 tile_from_gltf(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, 0, 1, 0), glm::dvec4(0, -1, 0, 0),
-                                      glm::dvec4(0, 0, 0, 1));
       found = TileContent{.name = nameOf(own.front())};
-      found->on_globe = glm::length(glm::dvec3(transform[3])) > kFarthest;
+      found->on_globe = glm::length(glm::dvec3(at.transform[3])) > kFarthest;
       if (!found->on_globe) {
-        found->scene_from_content = glm::transpose(tile_from_gltf) * transform * tile_from_gltf;
+        if (at.refused) at.refused->fail(at.wrong);
+        found->scene_from_content = sceneFromContent(at.transform);
       }
     }
     if (!at.tile.has("children")) continue;
     const JsonNode children = at.tile.at("children").array();
-    for (std::size_t i = 0; i < children.size(); ++i) tiles.push_back({children.element(i).object(), transform});
+    for (std::size_t i = 0; i < children.size(); ++i) {
+      tiles.push_back({children.element(i).object(), at.transform, at.refused, at.wrong});
+    }
   }
   if (contents != 1) {
     root.at("root").fail("holds " + std::to_string(contents) +

@@ -17,6 +17,7 @@
 #include "converter/formats/spz.h"
 #include "converter/glb.h"
 #include "converter/gltf/read_tiles.h"
+#include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
@@ -119,8 +120,8 @@ TEST_CASE("a tile is bounded by all that its splats reach with z up on either si
 
 TEST_CASE("content of a tile stands where the transforms of the tiles above it put it") {
   const Scratch scratch;
-  const GaussianModel model = splats(1);
-  writeTiles(scratch.folder() / "tileset.json", model);
+  const std::vector<Camera> cameras = {test::makeScene(SceneKind::ordinary, 8, 1).camera};
+  writeGlb(scratch.folder() / "content.glb", {splats(1), cameras, glm::vec3(0.0f), {}, cameras});
   const GaussianModel content = readModel(scratch.folder() / "content.glb").model;
   const auto read = [&](const std::string& outer, const std::string& inner) {
     scratch.write("moved.json", R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": {"transform": )" + outer +
@@ -140,13 +141,32 @@ TEST_CASE("content of a tile stands where the transforms of the tiles above it p
     CHECK(glm::length(moved.model.mean[i] - glm::vec3(-turned.x, -turned.z, -turned.y)) < 1e-4f);
     CHECK(moved.model.log_scale[i].x == Approx(content.log_scale[i].x + std::log(2.0)).margin(1e-5));
   }
+  REQUIRE(moved.cameras.size() == 1);
+  REQUIRE(moved.views.size() == 1);
+  for (const Camera& camera : {moved.cameras[0], moved.views[0]}) {
+    const glm::dvec3 m = cameras[0].position();
+    CHECK(glm::length(camera.position() - glm::dvec3(-2 * m.z, 2 * m.y - 4, 2 * m.x - 11)) < 1e-5);
+    for (int row = 0; row < 3; ++row) {  // axes of the camera in the world
+      const glm::dvec3 axis = glm::transpose(cameras[0].rotation)[row], turned = glm::transpose(camera.rotation)[row];
+      CHECK(glm::length(turned - glm::dvec3(-axis.z, axis.y, axis.x)) < 1e-6);
+    }
+  }
   const std::string none = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]";
   const Bundle on_globe = read("[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 4e6, 0, 4e6, 1]", none);
   CHECK(on_globe.model.mean == content.mean);
   REQUIRE(on_globe.warnings.size() == 1);
   CHECK_THAT(on_globe.warnings[0], Contains("the place on the globe is left out"));
-  CHECK_THAT(test::messageOf([&] { read("[1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", none); }),
-             Contains("the transform shears or stretches"));
+  const std::string file = (scratch.folder() / "moved.json").string();
+  const auto refused = [&](const std::string& transform, const std::string& what) {
+    const std::string expected =
+        "transform: the transform " + what + " (expected a uniform scale, a rotation and a translation)";
+    CHECK(test::messageOf([&] { read(transform, none); }) == file + ": /root/" + expected);
+    CHECK(test::messageOf([&] { read(none, transform); }) == file + ": /root/children/0/" + expected);
+  };
+  refused("[1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", "shears or stretches");
+  refused("[1e200, 0, 0, 0, 0, 1e200, 0, 0, 0, 0, 1e200, 0, 0, 0, 0, 1]", "is not finite");
+  refused("[1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", "is projective");
+  refused("[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]", "mirrors or flattens");
 }
 
 TEST_CASE("tilesets that are not read say why") {
@@ -162,6 +182,11 @@ TEST_CASE("tilesets that are not read say why") {
   for (const char* uri : {"../a.glb", "/a.glb", "https://example.com/a.glb", ""}) {
     CHECK_THAT(told(R"({"content": {"uri": ")" + std::string(uri) + R"("}})"),
                Contains("/root/content/uri: is no file beside the tileset"));
+  }
+  for (const char* uri : {"tileset.json", "sub/Tileset.JSON"}) {
+    CHECK(told(R"({"content": {"uri": ")" + std::string(uri) + R"("}})") ==
+          "a/tileset.json: /root/content/uri: is another tileset (expected a .glb or .gltf, found \"" +
+              std::string(uri) + "\")");
   }
   CHECK_THAT(told(R"({"content": {"uri": 1}})"), Contains("uri"));
   CHECK_THAT(told(R"({"content": []})"), Contains("/root/content: wrong type"));
