@@ -48,7 +48,7 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
   const bool only_base = isTextured(source.model) && !format.holds(kKeepsTextures);
   (only_base ? report.base_psnr : report.textured_psnr) =
       renderedPsnr(source.model, written.model, views, source.background);
-  if (isTextured(source.model) && format.has_base) {
+  if (isTextured(source.model) && !only_base && format.has_base) {
     report.base_psnr =
         renderedPsnr(source.model, readModel(output, {.base_only = true}).model, views, source.background);
   }

@@ -334,6 +334,7 @@ constexpr Format kFormats[] = {
      .beside = bytesOfContent,
      .axes = kGltfAxes,
      .names_others = true,
+     .has_base = true,   // where its content is textured, which is not written
      .is_common = true,  // in a folder its content is read as well
      .whole_name = true},
     {.name = "glb",

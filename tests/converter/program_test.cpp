@@ -365,6 +365,17 @@ TEST_CASE("a folder with a tileset and its content holds one model") {
   CHECK(!std::filesystem::exists(scratch.folder() / "out/tileset.ply"));
 }
 
+TEST_CASE("a tileset of textured content is read with its textures and with its base alone") {
+  const Scratch scratch;
+  const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 8, 20);
+  writeGlb(scratch.folder() / "content.glb", {scene.model, {}, glm::vec3(0.0f), {}});
+  scratch.write("tileset.json", R"({"geometricError": 1, "root": {"content": {"uri": "content.glb"}}})");
+  CHECK(tgconvert(scratch, "tileset.json all.tgz --no-psnr").code == 0);
+  CHECK(tgconvert(scratch, "tileset.json base.tgz --no-psnr --base-only").code == 0);
+  CHECK(isTextured(readModel(scratch.folder() / "all.tgz").model));
+  CHECK(!isTextured(readModel(scratch.folder() / "base.tgz").model));
+}
+
 TEST_CASE("two models of a folder that differ by their format's name alone are two files, and warnings are told") {
   const Scratch scratch;
   std::filesystem::create_directory(scratch.folder() / "in");
