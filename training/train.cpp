@@ -269,8 +269,7 @@ void Training::keepWhatIsThere(Trainer& trainer, const Error& why) {
   } catch (const std::exception&) {
     // The first reason says more.
   }
-  if (!bundle) throw why;
-  throw keepModel(options_.output, *std::move(bundle), why);
+  throw bundle ? keepModel(options_.output, *std::move(bundle), why) : why;
 }
 
 void Training::stepToEnd(Trainer& trainer, Watchers& watchers) {

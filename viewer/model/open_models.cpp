@@ -507,7 +507,7 @@ void OpenModels::show(ViewerState& state, int document) {
   Document& next = state.documents.open[document];
   state.documents.shown = document;
   state.stream.settled = false;  // until wish() has asked for the levels of this one
-  Document kept = std::move(next);
+  Document kept = std::exchange(next, {});
   next.path = kept.path;
   const EditTool tool = state.edit.tool;
   adopt(state, std::move(kept.scene));

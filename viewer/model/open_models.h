@@ -27,10 +27,10 @@ bool hasCamerasDue(const ViewerState& state);
 class OpenModels {
  public:
   // Begins to read the models of `options` (with --follow, to watch the first). `wake` is called in other threads when
-  // update() has something to do; `adopt` makes a scene (an empty one: none) the one shown, with its own view; `read`
-  // is the loader's, `wrap` lies around the files of streamed scenes.
+  // update() has something to do; `adopt` makes a scene (an empty one: none) the one shown, with its own view;
+  // `model_reader` is the loader's, `wrap` lies around the files of streamed scenes.
   OpenModels(const ViewOptions& options, std::function<void()> wake, std::function<void(ViewerState&, Scene)> adopt,
-             ModelReader read = {}, LodReaderWrap wrap = {});
+             ModelReader model_reader = {}, LodReaderWrap wrap = {});
 
   // Once a frame. True when the models have changed. Throws Error when nothing could be opened at the start.
   bool update(ViewerState& state);

@@ -21,7 +21,7 @@ void compareSection(ViewerState& state);
 // display.cpp
 void outputSection(ViewerState& state);
 void textureSection(ViewerState& state);
-void settingSection(ViewerState& state, const char* heading);
+void settingSection(ViewerState& state, const char* title);
 // The render settings of that heading: buttons for names, as many as go into a line, then sliders, two in a line where
 // there are several. Returns the number of sliders.
 std::size_t settingWidgets(ViewerState& state, std::string_view heading);

@@ -29,7 +29,7 @@ MetricsThread::MetricsThread(std::function<void()> wake)
           } catch (const Error&) {           // that of the same picture on screen is told
           }
           asked.reset();  // it holds its model
-          results_.give(std::move(result));
+          results_.give(result);
         }
       })) {}
 

@@ -62,12 +62,12 @@ using ScreenWrapper = std::function<std::unique_ptr<Screen>(std::unique_ptr<Scre
 
 // Whether pictures are textures that the window's context and the picture thread's share. Software devices cannot bear
 // two such threads at once; their pictures go through memory.
-enum class GlSharing : std::uint8_t { on_hardware, always };
+enum class GlSharing : std::uint8_t { onHardware, always };
 
 // For a window made for that API. Throw Error(device). Which device draws an OpenGL window is the window system's
 // choice: another one than was picked is refused.
 std::unique_ptr<Screen> makeVulkanScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick);
 std::unique_ptr<Screen> makeGlScreen(GLFWwindow* window, const ViewOptions& options, const DevicePick& pick,
-                                     GlSharing sharing = GlSharing::on_hardware);
+                                     GlSharing sharing = GlSharing::onHardware);
 
 }  // namespace tg
