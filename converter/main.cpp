@@ -284,7 +284,7 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
     refuse("--spz-axes", "an .spz that is read");
   }
   const auto based = [](const tg::Format& format) { return format.has_base || format.is_gltf; };
-  if (given("--base-only") && !reads(based)) refuse("--base-only", "a .glb, .gltf, .html or .sog that is read");
+  if (given("--base-only") && !reads(based)) refuse("--base-only", "a .glb, .gltf, .html, .sog or tileset.json that is read");
 }
 
 struct CheckArguments {

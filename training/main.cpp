@@ -32,14 +32,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Before hours of COLMAP: a model of before that would then be in the way, since training does not go on with its run.
+// Before hours of COLMAP: a model of before that would then be in the way, or what is in a run folder that is not the
+// work folder's own, since training does not go on with it.
 void refuseLaterRun(const tg::PhotosOptions& photos, tg::Ledger& ledger, const std::string& made_of,
-                    const tg::TrainFlags& options) {
+                    const tg::TrainFlags& options, bool own_run) {
   const std::optional<tg::PhotoStage> undone = tg::undoneStage(photos, ledger);
   if (!undone && ledger.isBegun(tg::PhotoStage::training, made_of)) return;
   try {
     tg::checkOutputs(options, false);
-    if (options.run.folder != photos.work / "run") {
+    if (!own_run) {
       tg::RunFolderOptions run = options.run;
       run.resume = false;
       run.overwrite = options.overwrite;
@@ -70,7 +71,7 @@ int runPhotos(const tg::PhotosFlags& flags, tg::TrainFlags& options) {
   if (options.threads > 0) tg::setThreadCount(options.threads);
   tg::checkInput(photos);
   tg::Ledger ledger(photos.work);
-  refuseLaterRun(photos, ledger, made_of, options);
+  refuseLaterRun(photos, ledger, made_of, options, own_run);
   tg::preparePhotosAloud(photos, ledger, options.talks(), options.quiet);
 
   options.title = tg::nameOf("", options.dataset);

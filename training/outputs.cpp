@@ -84,11 +84,8 @@ void TrainingOutputs::writeOutput(const std::string& path, const Write& write) {
     if (run_ && !was_own) disown(*run_, path);
     throw;
   }
-  if (!run_) return;
-  if (!wrote) {
-    if (!was_own) disown(*run_, path);
-    return;
-  }
+  if (run_ && !wrote && !was_own) disown(*run_, path);
+  if (!run_ || !wrote) return;
   try {
     run_->markWritten(path);
   } catch (const Error&) {
