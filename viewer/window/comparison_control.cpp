@@ -69,8 +69,10 @@ void ComparisonControl::update(ViewerState& state, const Picture* picture, bool 
   if (const auto result = metrics_.take(); result && result->number >= first_) {
     figures_ = result->metrics;
     found_ = result->number;
-    compare.measured = found_ == asked_ && picture && picture->pair && picture->pair == pair_.lock();
+    compare.measured = found_ == asked_;
   }
+  // The picture may have changed since the figures were found to be of it.
+  compare.measured = compare.measured && picture && picture->pair && picture->pair == pair_.lock();
   const bool elsewhere = found && subject_ &&
                          (found->photograph != subject_->view.other->photograph ||
                           state.scene.path != subject_->model_file || fileOf(state, *found) != subject_->other_file);

@@ -100,26 +100,30 @@ TEST_CASE("figures of the model before are said where a newer one came faster th
 }
 
 TEST_CASE("figures of another place are not said, those of other settings only while they are measured anew") {
-  Bench bench(false);
-  const Picture before = bench.picture({32, 24}, 1);
-  bench.frame(before);
-  bench.frame(before, true, true);
-  CHECK(bench.current);
-  bench.state.display.settings.textures = TextureMode::none;
-  const Picture plain = bench.picture({32, 24}, 2);
-  bench.frame(plain);
-  bench.frame(plain, true);
-  CHECK(bench.said);
-  Picture moved = bench.picture({32, 24}, 3);
-  moved.request.camera.translation.z += 1;
-  bench.frame(moved);
-  CHECK_FALSE(bench.state.compare.metrics);           // at once, before the thread can have answered
-  for (int i = 0; i < 2000 && !bench.current; ++i) {  // those of the one between them may come first
+  for (const bool measured : {false, true}) {  // before it moves
+    Bench bench(false);
+    const Picture before = bench.picture({32, 24}, 1);
+    bench.frame(before);
+    bench.frame(before, true, true);
+    CHECK(bench.current);
+    bench.state.display.settings.textures = TextureMode::none;
+    const Picture plain = bench.picture({32, 24}, 2);
+    bench.frame(plain);
+    bench.frame(plain, true, measured);
+    CHECK(bench.said);
+    if (measured) CHECK(bench.current);
+    Picture moved = bench.picture({32, 24}, 3);
+    moved.request.camera.translation.z += 1;
     bench.frame(moved);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    CHECK_FALSE(bench.current);
+    CHECK_FALSE(bench.state.compare.metrics);           // at once, before the thread can have answered
+    for (int i = 0; i < 2000 && !bench.current; ++i) {  // those of the one between them may come first
+      bench.frame(moved);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    REQUIRE(bench.said);
+    CHECK(bench.said->psnr == metricsOf(moved.pair->first, moved.pair->other, {})->psnr);
   }
-  REQUIRE(bench.said);
-  CHECK(bench.said->psnr == metricsOf(moved.pair->first, moved.pair->other, {})->psnr);
 }
 
 TEST_CASE("below the name of the next photograph no figures of the one before are said") {
