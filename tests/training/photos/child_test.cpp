@@ -63,9 +63,12 @@ TEST_CASE("a child works in the folder that it is given, and who waits has somet
   const tg::TemporaryFolder folder;
   const std::atomic<int> stop{0};
   int calls = 0;
-  tg::ChildCommand command{{"/bin/sh", "-c", "pwd; sleep 0.3"}, folder / "log.txt", {}, {}};
+  tg::ChildCommand command{
+      {"/bin/sh", "-c", "pwd; until [ -e enough ]; do sleep 0.02; done"}, folder / "log.txt", {}, {}};
   command.folder = folder.path;
-  command.meanwhile = [&] { ++calls; };
+  command.meanwhile = [&] {
+    if (++calls == 3) std::ofstream(folder / "enough").flush();
+  };
   CHECK(tg::runChild(command, stop).last == std::filesystem::canonical(folder.path).string());
   CHECK(calls >= 3);
   command.folder = folder / "absent";
@@ -101,7 +104,7 @@ TEST_CASE("a child that is to stop ends, with its own children, also one that do
                    stop),
       tg::Stopped);
   REQUIRE(ids.size() == 2);
-  for (int wait = 0; wait < 100 && (lives(ids[0]) || lives(ids[1])); ++wait) {
+  for (int wait = 0; wait < 3000 && (lives(ids[0]) || lives(ids[1])); ++wait) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   CHECK_FALSE(lives(ids[0]));
