@@ -87,7 +87,7 @@ class Child {
   }
   // Waits for it, but not for ever.
   void until(const std::function<bool()>& condition) const {
-    for (int i = 0; i < 3000 && running() && !condition(); ++i)
+    for (int i = 0; i < 6000 && running() && !condition(); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     INFO(output());
     REQUIRE(condition());

@@ -22,7 +22,6 @@
 
 namespace fs = std::filesystem;
 using namespace tg::test;
-using std::chrono::milliseconds;
 
 namespace {
 
@@ -34,17 +33,20 @@ const std::string kForever = "scene --iterations 1000000 --densification none --
 TEST_CASE("a run that is killed again and again ends in the bytes of one that is not", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  REQUIRE(tgtrain(folder, kBase + "--iterations 40 -o whole.tgz --untextured-output plain.tgz").code == 0);
-  const std::string command =
-      kRun + "-o model.tgz --untextured-output twin.tgz --run run --resume --checkpoint-every 0";
+  const std::string often = kRun + "--resume --checkpoint-every 0 ";
+  const auto start = std::chrono::steady_clock::now();
+  REQUIRE(tgtrain(folder, often + "-o whole.tgz --untextured-output plain.tgz --run calm").code == 0);
+  const auto calm = std::chrono::steady_clock::now() - start;
+  const std::string command = often + "-o model.tgz --untextured-output twin.tgz --run run";
   tg::Random random(static_cast<std::uint64_t>(::getpid()));
   int kills = 0;
   for (; kills < 12; ++kills) {
     Child child(folder, command);
-    std::this_thread::sleep_for(milliseconds(30 + random.below(300)));
-    if (!child.running()) break;
+    std::this_thread::sleep_for(calm / 20 + random.below(20) * calm / 100);  // a quarter of it at most
     child.send(SIGKILL);
-    CHECK(child.end() == 128 + SIGKILL);
+    const int code = child.end();
+    if (code == 0) break;  // all was done before
+    CHECK(code == 128 + SIGKILL);
     // Whatever was going on, what is there is whole.
     if (fs::exists(folder / "run/checkpoint")) CHECK_NOTHROW(tg::readCheckpoint(folder / "run/checkpoint"));
     if (fs::exists(folder / "run/model.tgz")) CHECK_NOTHROW(tg::readBundle(folder / "run/model.tgz"));
@@ -76,7 +78,7 @@ TEST_CASE("a run that is killed again and again ends in the bytes of one that is
 TEST_CASE("Ctrl-C or SIGUSR1 leaves a checkpoint and a model, says how to go on, to the same bytes", "[resume]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  const std::string settings = kBase + "--iterations 400 ";
+  const std::string settings = kBase + "--iterations 1000 ";
   const int signal = GENERATE(SIGINT, SIGUSR1);
   REQUIRE(tgtrain(folder, settings + "-o whole.tgz").code == 0);
   {
@@ -301,9 +303,11 @@ TEST_CASE("a model that came while another was trained stays, and the other is k
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const auto meanwhile = [&](const std::string& arguments, const std::string& name) {
     fs::remove(folder / name);
-    Child child(folder, kBase + "--iterations 200 " + arguments);
+    Child child(folder, kBase + "--iterations 500 " + arguments);
     child.until([&] { return child.output().find("train and 2 test views") != std::string::npos; });
+    child.send(SIGSTOP);  // lest it ends before there is a file
     std::ofstream(folder / name) << "somebody's";
+    child.send(SIGCONT);
     const int code = child.end();
     INFO(child.output());
     CHECK(code == 4);
@@ -321,7 +325,7 @@ TEST_CASE("a model that came while another was trained stays, and the other is k
     CHECK(bytesOf(folder / kept) == model);
   }
   // Whoever asks for it replaces, and a run its own.
-  const std::string again = kBase + "--iterations 200 --run run --resume -o ";
+  const std::string again = kBase + "--iterations 500 --run run --resume -o ";
   const Outcome refused = tgtrain(folder, again + "run.tgz");
   CHECK(refused.code == 4);
   CHECK_THAT(refused.output, Contains("run.tgz: exists already (add --overwrite to replace it)"));
@@ -333,12 +337,12 @@ TEST_CASE("a model that came while another was trained stays, and the other is k
     CHECK(bytesOf(folder / "own.tgz") == model);
   }
   CHECK_THAT(tgtrain(folder, again + "run/../run/model.tgz").output, Contains("is written in any case"));
-  CHECK(tgtrain(folder, kBase + "--iterations 200 --run other -o other/model.tgz").code == 1);
+  CHECK(tgtrain(folder, kBase + "--iterations 500 --run other -o other/model.tgz").code == 1);
   // Both may be moved together.
   fs::create_directory(folder / "elsewhere");
   fs::rename(folder / "run", folder / "elsewhere/run");
   fs::rename(folder / "own.tgz", folder / "elsewhere/own.tgz");
-  CHECK(tgtrain(folder, kBase + "--iterations 200 --run elsewhere/run --resume -o elsewhere/own.tgz").code == 0);
+  CHECK(tgtrain(folder, kBase + "--iterations 500 --run elsewhere/run --resume -o elsewhere/own.tgz").code == 0);
   CHECK(bytesOf(folder / "elsewhere/own.tgz") == model);
 }
 

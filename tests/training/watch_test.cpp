@@ -105,9 +105,9 @@ TEST_CASE("a page shows a run and changes none of its bytes", "[watch]") {
   TG_SKIP_IF(std::system("curl --version >/dev/null 2>&1") == 0 ? "" : "no curl");
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  const std::string command = kBase + "--iterations 200 --reproducible --threads 1 -o ";
+  const std::string command = kBase + "--iterations 1000 --reproducible --threads 1 -o ";
   REQUIRE(tgtrain(folder, command + "alone.tgz").code == 0);
-  Child child(folder, command + "served.tgz --run run --serve 0 --eval-every 20");
+  Child child(folder, command + "served.tgz --run run --serve 0 --eval-every 100");
   child.until([&] { return child.output().find("serving http://127.0.0.1:") != std::string::npos; });
   const std::string output = child.output();
   const std::size_t at = output.find("http://");
@@ -140,8 +140,10 @@ TEST_CASE("a page without a run folder has its title and its test scores, and no
   TG_SKIP_IF(std::system("curl --version >/dev/null 2>&1") == 0 ? "" : "no curl");
   const tg::TemporaryFolder folder, browser;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  Child child(folder,
-              "scene/ --texture-mode none --iterations 300 -o model.tgz --json run.json --serve 0 --eval-every 20");
+  Child child(
+      folder,
+      "scene/ --texture-mode none --densification none --iterations 2000 -o model.tgz --json run.json --serve 0 "
+      "--eval-every 100");
   child.until([&] { return child.output().find("serving http://127.0.0.1:") != std::string::npos; });
   const std::string output = child.output();
   const std::size_t at = output.find("http://");
@@ -159,7 +161,7 @@ TEST_CASE("a page without a run folder has its title and its test scores, and no
   CHECK(json["title"] == "scene");
   int scores = 0;
   for (const nlohmann::json& row : json["metrics"]["rows"]) scores += !row[4].is_null();
-  CHECK(scores == 300 / 20);
+  CHECK(scores == 2000 / 100);
   CHECK(fs::exists(folder / "run.json"));
   CHECK_THAT(child.output(), Contains("wrote model.tgz"));
   const auto start = std::chrono::steady_clock::now();
