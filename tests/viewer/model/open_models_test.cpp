@@ -64,7 +64,7 @@ struct Window {
       : open_models(
             options, [] {}, [](ViewerState& s, Scene scene) { setScene(s, std::move(scene)); }, std::move(read)) {}
   void settle() {
-    for (int i = 0; i < 3000; ++i) {
+    for (int i = 0; i < 30000; ++i) {
       state.loading.part_owed = false;  // a part is on screen at once
       open_models.update(state);
       const DocumentState& documents = state.documents;
@@ -77,7 +77,7 @@ struct Window {
     FAIL("loading does not end");
   }
   void followUntil(const std::function<bool()>& arrived) {
-    for (int i = 0; i < 1000 && !arrived(); ++i) {
+    for (int i = 0; i < 12000 && !arrived(); ++i) {
       open_models.update(state);
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
@@ -740,16 +740,24 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 3, {});
   writeModel(folder / "b.tgz", 4, {});
-  Window window(optionsFor(folder / "a.tgz"));
+  std::atomic<bool> go_on{true};
+  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
+    go_on.wait(false);
+    return readModel(path, read);
+  });
   window.settle();
   ViewerState& state = window.state;
   state.loading.active = true;
   press(state, kKeyEscape);
   CHECK(state.loading.cancel);
   CHECK_FALSE(state.quit);
-  // A list of files is dropped as a whole.
+  // A list of files is dropped as a whole, but for the one that is being read.
+  go_on = false;
   for (int i = 0; i < 20; ++i) state.documents.open_requests.push_back(folder / "b.tgz");
   state.documents.open_requests.push_back(folder / "c.tgz");
+  window.open_models.update(state);
+  go_on = true;
+  go_on.notify_all();
   window.settle();
   CHECK(state.scene.gaussians <= 4);
   CHECK(state.messages.error.empty());
