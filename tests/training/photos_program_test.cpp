@@ -246,16 +246,16 @@ TEST_CASE("a command that was killed goes on where it was, and its child ends wi
   REQUIRE(run(trial, "PATH=\"$PWD/bin:$PATH\" '" TG_TGTRAIN "' photos photos -o model.tgz" + kShort +
                          " >first.txt 2>&1 & echo $! >parent.txt")
               .code == 0);
-  for (int wait = 0; wait < 1000 && trial.textOf("child.txt").empty(); ++wait) {
+  for (int wait = 0; wait < 3000 && trial.textOf("child.txt").empty(); ++wait) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   const pid_t parent = std::stoi(trial.textOf("parent.txt")), child = std::stoi(trial.textOf("child.txt"));
   const int signal = GENERATE(SIGKILL, SIGTERM);
   REQUIRE(::kill(parent, signal) == 0);
-  for (int wait = 0; wait < 500 && ::kill(child, 0) == 0; ++wait)
+  for (int wait = 0; wait < 3000 && ::kill(child, 0) == 0; ++wait)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   CHECK(::kill(child, 0) != 0);
-  for (int wait = 0; wait < 500 && ::kill(parent, 0) == 0; ++wait)
+  for (int wait = 0; wait < 3000 && ::kill(parent, 0) == 0; ++wait)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   if (signal == SIGTERM) CHECK_THAT(trial.textOf("first.txt"), Contains("stopped; the same command goes on"));
   CHECK_FALSE(fs::exists(trial / "model.tgz"));

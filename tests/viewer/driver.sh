@@ -7,7 +7,7 @@ openbox --startup "touch $PWD/managed" >/dev/null 2>&1 &
 tries=0
 until [ -e managed ]; do
   tries=$((tries + 1))
-  [ "$tries" -lt 1500 ] || exit 89
+  [ "$tries" -lt 3000 ] || exit 89
   sleep 0.02
 done
 "$@" &
@@ -19,7 +19,7 @@ reached() {
   tries=0
   until [ -e "$1" ]; do
     tries=$((tries + 1))
-    kill -0 "$tgview" 2>/dev/null && [ "$tries" -lt 1500 ] || exit 90
+    kill -0 "$tgview" 2>/dev/null && [ "$tries" -lt 3000 ] || exit 90
     sleep 0.02
   done
 }

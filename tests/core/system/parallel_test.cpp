@@ -82,7 +82,7 @@ TEST_CASE("a child of fork runs loops with threads of its own") {
   }
   REQUIRE(child > 0);
   int status = -1;
-  for (int left = 1000; left > 0 && ::waitpid(child, &status, WNOHANG) == 0; --left) {
+  for (int left = 3000; left > 0 && ::waitpid(child, &status, WNOHANG) == 0; --left) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   ::kill(child, SIGKILL);

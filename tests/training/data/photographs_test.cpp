@@ -38,7 +38,7 @@ struct Files {
 };
 
 void waitUntil(const std::atomic<int>& count, int value) {
-  for (int i = 0; count < value && i < 5000; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  for (int i = 0; count < value && i < 60000; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   REQUIRE(count == value);
 }
 

@@ -14,10 +14,10 @@ TEST_CASE("a page shows a model that is written again, and goes on with it where
   test::writeSample(shop / "a.tgz", 20);
   test::writeSample(shop / "b.tgz", 30);
   shop.write("c.tgz", "no model");
-  // Each line waits for ten seconds at most.
+  // Each line waits for a minute at most.
   shop.write("ask.sh", R"(
     "$@" >log 2>&1 & page=$!
-    soon() { for _ in $(seq 200); do eval "$1" && return; sleep 0.05; done; cat log; kill $page; exit 1; }
+    soon() { for _ in $(seq 1200); do eval "$1" && return; sleep 0.05; done; cat log; kill $page; exit 1; }
     shows() { curl -s --max-time 5 "$(sed -n 's/^serving //p' log)state.json" | grep -q "\"model\":$1[,}]"; }
     soon "grep -q '^serving ' log"
     soon "shows 1"

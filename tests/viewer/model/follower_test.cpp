@@ -107,7 +107,7 @@ TEST_CASE("a followed file is waited for, read again when replaced, and missed w
   std::filesystem::remove(file);
   CHECK_THAT(follower.wait().problem, Contains("waiting for"));
   // The news may be taken just before its wake-up call.
-  for (int i = 0; i < 500 && woken < 5; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (int i = 0; i < 6000 && woken < 5; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   CHECK(woken == 5);
 }
 
@@ -121,7 +121,7 @@ TEST_CASE("a model that was not taken outlives the news that its file is gone") 
     std::error_code ignored;
     if (woken++ == 0) std::filesystem::remove(file, ignored);
   });
-  for (int i = 0; i < 500 && woken < 2; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (int i = 0; i < 6000 && woken < 2; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   const ModelFollower::News news = follower.wait();
   REQUIRE(news.model);
   CHECK(news.model->model.size() == 4);
@@ -177,7 +177,7 @@ TEST_CASE("watching a run brings its curves and status, tells it so, and gives i
   const int descriptor = ::open(metrics.c_str(), O_WRONLY | O_CLOEXEC);
   REQUIRE(descriptor >= 0);
   const auto soon = [](auto&& condition) {
-    for (int i = 0; i < 1000; ++i) {
+    for (int i = 0; i < 6000; ++i) {
       if (condition()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }

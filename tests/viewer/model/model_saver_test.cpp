@@ -27,7 +27,7 @@ Scene sceneWithAll() {
 }
 
 ModelSaver::News next(ModelSaver& saver) {
-  for (int i = 0; i < 3000; ++i) {
+  for (int i = 0; i < 30000; ++i) {
     if (auto news = saver.take()) return *news;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }

@@ -61,7 +61,7 @@ struct Window {
   // Until `done`, looking at every frame.
   void until(
       const std::function<bool()>& done, const std::function<void()>& look = [] {}) {
-    for (int i = 0; i < 5000 && !done(); ++i) {
+    for (int i = 0; i < 30000 && !done(); ++i) {
       open_models.update(state);
       look();
       state.stream.drawn = state.scene.model != nullptr;
@@ -223,7 +223,7 @@ TEST_CASE("a file that could not be fetched is tried again, and a scene does wit
   // Until the scene has what a new wish asks for, or all but one file of it.
   const auto settle = [&](std::size_t lost) {
     ++wish;
-    for (int k = 0; k < 5000; ++k) {
+    for (int k = 0; k < 60000; ++k) {
       streamer.want({small.camera, small.scene.counts.front(), wish, drawn});
       if (std::optional<SceneStreamer::News> news = streamer.take()) {
         if (news->scene) scene = std::move(news->scene);

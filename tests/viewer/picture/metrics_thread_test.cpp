@@ -22,7 +22,7 @@ TEST_CASE("the metrics' thread answers for the newest pair") {
     last = number;
   }
   std::optional<MetricsThread::Result> result;
-  for (int i = 0; i < 5000 && !(result && result->number == last); ++i) {
+  for (int i = 0; i < 60000 && !(result && result->number == last); ++i) {
     if (auto next = thread.take()) result = std::move(next);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }

@@ -77,7 +77,7 @@ struct Bench {
   // All news up to the picture of that width, or, with width 0, up to the first that it gives up.
   PictureThread::News until(int width) {
     PictureThread::News all;
-    for (int i = 0; i < 5000; ++i) {
+    for (int i = 0; i < 60000; ++i) {
       PictureThread::News news = thread.take();
       if (!news.problem.empty()) all.problem = news.problem;
       all.given_up = all.given_up || news.given_up;
@@ -209,7 +209,7 @@ TEST_CASE("a model that nobody holds is let go of with the next picture, or when
   const std::weak_ptr<const GaussianModel> last = bench.model;
   bench.model.reset();
   bench.thread.tidy();
-  for (int i = 0; i < 5000 && !(last.expired() && bench.gate.images == 0); ++i) {
+  for (int i = 0; i < 60000 && !(last.expired() && bench.gate.images == 0); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   CHECK(last.expired());

@@ -39,7 +39,7 @@ ViewerState sampleState() {
 void inspectNow(ViewerState& state, glm::ivec2 pixel) {
   InspectorThread thread;
   inspect(state, pixel);
-  for (int i = 0; i < 2000 && !thread.update(state, {96, 72}); ++i) {
+  for (int i = 0; i < 12000 && !thread.update(state, {96, 72}); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   REQUIRE(state.inspect.inspected);

@@ -117,7 +117,7 @@ TEST_CASE("figures of another place are not said, those of other settings only w
     bench.frame(moved);
     CHECK_FALSE(bench.current);
     CHECK_FALSE(bench.state.compare.metrics);           // at once, before the thread can have answered
-    for (int i = 0; i < 2000 && !bench.current; ++i) {  // those of the one between them may come first
+    for (int i = 0; i < 60000 && !bench.current; ++i) {  // those of the one between them may come first
       bench.frame(moved);
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }

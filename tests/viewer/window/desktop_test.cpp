@@ -76,7 +76,8 @@ TEST_CASE("a model is saved under a typed name, and a file that is there only wh
   playByHand(shop, "await-file copy.spz\nwait 2\n" + seen("warned") + "await-file replaced\nwait 2\nwindow end.png\n",
              "key ctrl+s\nkey ctrl+a\nxdotool type copy.spz\nkey Return\nreached copy.spz\n"
              "key ctrl+s\nkey ctrl+a\nxdotool type there.ply\nkey Return\nseen warned\ncp there.ply still.ply\n"
-             "key Return\nfor i in $(seq 600); do cmp -s there.ply still.ply || break; sleep 0.05; done\ntouch replaced\nreached end.png\n");
+             "key Return\nfor i in $(seq 1200); do cmp -s there.ply still.ply || break; sleep 0.05; done\ntouch "
+             "replaced\nreached end.png\n");
   CHECK(readModel(shop / "copy.spz").model.size() == test::sampleModel().size());
   CHECK(lineOf(shop / "still.ply") == "a file");
   CHECK(readModel(shop / "there.ply").model.size() == test::sampleModel().size());
