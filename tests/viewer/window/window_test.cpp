@@ -334,8 +334,8 @@ TEST_CASE("the turntable turns and the path plays while the window lives", "[win
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   play(shop,
-       "panel off\nwait 2\npicture still.png\nturntable on\nwait 20\nturntable off\npicture turned.png\n"
-       "camera 1\nadd-key\ncamera 2\nadd-key\nkey-seconds 0 0.1\npath-lines off\nshow-key 0\nplay on\nwait 60\n"
+       "panel off\nwait 2\npicture still.png\nturntable on\nwait 60\nturntable off\npicture turned.png\n"
+       "camera 1\nadd-key\ncamera 2\nadd-key\nkey-seconds 0 0.1\npath-lines off\nshow-key 0\nplay on\nwait 600\n"
        "picture played.png\ncamera 2\npicture end.png\n",
        "240x180", "cpu");
   CHECK(psnr(shop.read("still.png"), shop.read("turned.png")) < 45);
