@@ -25,6 +25,15 @@ reached() {
 }
 # Waits until a frame was drawn with what the hand has done; the script says `await-file NAME`, `window NAME.png`.
 seen() { touch "$1" && reached "$1.png"; }
+# Waits until the window manager has given the window that size, WxH.
+sized() {
+  tries=0
+  until xdotool getwindowgeometry "$window" | grep -q " $1\$"; do
+    tries=$((tries + 1))
+    [ "$tries" -lt 1200 ] || exit 92
+    sleep 0.05
+  done
+}
 # The pointer, in pixels of the window. The question at the end is answered when the event is on its way.
 to() { xdotool mousemove --window "$window" "$1" "$2" getmouselocation >/dev/null; }
 press() { xdotool mousedown "$1" getmouselocation >/dev/null; }

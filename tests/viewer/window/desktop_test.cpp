@@ -154,7 +154,8 @@ TEST_CASE("F11 fills the screen and gives it back", "[window]") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   playByHand(shop, "await-file big\nwait 4\nwindow big.png\nawait-file small\nwait 4\nwindow small.png\n",
-             "key F11\nsleep 1\ntouch big\nreached big.png\nkey Escape\nsleep 1\ntouch small\nreached small.png\n");
+             "key F11\nsized 1024x768\ntouch big\nreached big.png\nkey Escape\nsized 640x480\ntouch small\nreached "
+             "small.png\n");
   CHECK(shop.read("big.png").width == 1024);
   CHECK(shop.read("big.png").height == 768);
   CHECK(shop.read("small.png").width == 640);
@@ -165,13 +166,14 @@ TEST_CASE("a device that fails leaves the full screen and what lies behind it", 
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  playByHand(shop,
-             "await-file big\nlose-window-device\nwait 30\nwindow big.png\nawait-file small\nwait 4\nwindow "
-             "small.png\n",
-             "key F11\nsleep 1\ntouch big\nreached big.png\nwindow=$(xdotool search --onlyvisible --name '^tgview' | "
-             "head -n 1)\nxdotool windowfocus --sync $window\nkey Escape\nkey Escape\nsleep 1\ntouch small\nreached "
-             "small.png\n",
-             {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  playByHand(
+      shop,
+      "await-file big\nlose-window-device\nwait 30\nwindow big.png\nawait-file small\nwait 4\nwindow "
+      "small.png\n",
+      "key F11\nsized 1024x768\ntouch big\nreached big.png\nwindow=$(xdotool search --onlyvisible --name '^tgview' | "
+      "head -n 1)\nxdotool windowfocus --sync $window\nkey Escape\nkey Escape\nsized 640x480\ntouch small\nreached "
+      "small.png\n",
+      {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
   CHECK(shop.read("big.png").width == 1024);
   CHECK(shop.read("small.png").width == 640);
   CHECK(shop.read("small.png").height == 480);
