@@ -10,6 +10,7 @@
 #include <string>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -79,6 +80,20 @@ TEST_CASE("a model of the numbers of another one is saved as the same file") {
   CHECK(std::ranges::equal(read.sh(), model.sh()));
   CHECK(std::ranges::equal(read.texels(), model.texels()));
   CHECK(read.cameras().front().rotation == model.cameras().front().rotation);
+}
+
+TEST_CASE("what a model or a data set was moved from is still that") {
+  const TemporaryFolder folder;
+  Model model = Model::load(kSample);
+  const Model other = std::move(model);
+  CHECK(model.size() == other.size());  // NOLINT(bugprone-use-after-move)
+  model = Model(ModelData());
+  Model third = std::move(model);
+  CHECK(model.means().empty());  // NOLINT(bugprone-use-after-move)
+  tg::writeSample(folder / "scene", kScene, false);
+  Dataset dataset = Dataset::load(folder / "scene");
+  const Dataset moved = std::move(dataset);
+  CHECK(dataset.size() == moved.size());  // NOLINT(bugprone-use-after-move)
 }
 
 TEST_CASE("numbers that make no model are refused by name") {

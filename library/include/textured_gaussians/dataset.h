@@ -23,9 +23,11 @@ struct DatasetOptions {
   int test_every = 8;  // every n-th photograph by name is held out, where the data set has no split; 0: none
 };
 
-// Does not change: copies share its memory.
+// Does not change: copies share its memory. One that was moved from is still the same.
 class Dataset {
  public:
+  Dataset(const Dataset&) = default;
+  Dataset& operator=(const Dataset&) = default;
   // A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder (docs/training.md). Throws Error: cannotRead,
   // badData, usage for options out of range.
   static Dataset load(const std::filesystem::path& folder, const DatasetOptions& options = {});

@@ -47,9 +47,12 @@ struct ModelData {
   std::array<float, 3> background = {0, 0, 0};  // RGB that it was trained against
 };
 
-// A model that does not change: copies share its memory, and may be used by several threads at once.
+// A model that does not change: copies share its memory, and may be used by several threads at once. One that was moved
+// from is still the same.
 class Model {
  public:
+  Model(const Model&) = default;
+  Model& operator=(const Model&) = default;
   // Throws Error(badData) naming the member whose length is wrong, or the first Gaussian with numbers that are not
   // finite, a quaternion without a length or a rectangle beyond the texels; Error(usage) for cameras and enumerators
   // that are none.
