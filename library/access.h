@@ -49,8 +49,17 @@ decltype(auto) guarded(const Body& body) {
     throw Error(static_cast<ErrorKind>(error.kind), error.what());
   } catch (const std::filesystem::filesystem_error& error) {
     throw Error(ErrorKind::cannotRead, tg::printable(error.what()));
-  } catch (const std::system_error& error) {  // no thread can be started
-    throw Error(ErrorKind::device, error.what());
+  } catch (const std::system_error& error) {
+    const bool again = error.code() == std::errc::resource_unavailable_try_again;  // of a thread, as in the programs
+    throw Error(ErrorKind::device, std::string(again ? "no thread can be started: " : "") + error.what());
+  }
+}
+
+// Throws tg::Error(usage) for a path that no file has, and for one of which the system sees a part.
+inline void requirePath(const std::filesystem::path& path) {
+  if (path.empty()) throw tg::Error(tg::ErrorKind::usage, "path", "an empty file name");
+  if (path.native().find('\0') != std::string::npos) {
+    throw tg::Error(tg::ErrorKind::usage, "path", "a name holds a NUL byte");
   }
 }
 

@@ -14,6 +14,8 @@ namespace textured_gaussians {
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
   return guarded([&] {
+    requirePath(input);
+    requirePath(output);
     tg::ConvertOptions own;
     own.overwrite = options.overwrite;
     own.quantize = options.quantize;
@@ -39,6 +41,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
       if (std::string_view(option->value).empty() && !value.empty()) {
         throw tg::Error(tg::ErrorKind::usage, name, "takes no value (expected \"\", found \"" + value + "\")");
       }
+      if (option->value == "FILE") requirePath(value);
       own.edits.push_back({flag, value});
     }
     tg::ConvertReport report = tg::convert(input, output, own);

@@ -7,6 +7,7 @@ namespace textured_gaussians {
 
 Dataset Dataset::load(const std::filesystem::path& folder, const DatasetOptions& options) {
   return guarded([&] {
+    requirePath(folder);
     tg::DatasetOptions own;
     own.downscale = options.downscale;
     own.test_every = options.test_every;

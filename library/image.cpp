@@ -8,6 +8,7 @@ namespace textured_gaussians {
 
 Image readImage(const std::filesystem::path& path) {
   return guarded([&] {
+    requirePath(path);
     tg::Image image = tg::readImage(path);
     return Image{image.width, image.height, image.channels, std::move(image.data)};
   });
@@ -15,6 +16,7 @@ Image readImage(const std::filesystem::path& path) {
 
 void writeImage(const std::filesystem::path& path, const Image& image) {
   guarded([&] {
+    requirePath(path);
     tg::Image copy;
     copy.width = image.width;
     copy.height = image.height;

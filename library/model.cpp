@@ -98,11 +98,15 @@ Model::Model(const ModelData& data)
       })) {}
 
 Model Model::load(const std::filesystem::path& path) {
-  return guarded([&] { return Access::model(tg::readModel(path)); });
+  return guarded([&] {
+    requirePath(path);
+    return Access::model(tg::readModel(path));
+  });
 }
 
 std::vector<std::string> Model::save(const std::filesystem::path& path) const {
   return guarded([&] {
+    requirePath(path);
     const tg::Format& format = tg::modelFormat(path);
     tg::Written written;
     tg::writeModel(format, path, parts_->bundle, {}, written);

@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "library/access.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "textured_gaussians/textured_gaussians.h"
@@ -190,6 +191,26 @@ TEST_CASE("a model that makes no file of a format is refused as such") {
   for (std::size_t i = 0; i < data.texels.size(); i += 4) data.texels[i] = 1e6f;
   CHECK_THAT(messageOf([&] { Model(data).save(folder / "a.tgz"); }, ErrorKind::cannotWrite), Contains("half float"));
   CHECK_THAT(Model(data).save(folder / "a.sog").back(), Contains("texels with a channel outside"));
+}
+
+TEST_CASE("a path that names no file is refused by every function that takes one") {
+  const TemporaryFolder folder;
+  const Model model = Model::load(kSample);
+  const std::filesystem::path good = folder / "good.png";
+  for (const auto& [path, message] : {std::pair<std::filesystem::path, std::string>{folder / std::string("a\0b.tgz", 7),
+                                                                                    "path: a name holds a NUL byte"},
+                                      {{}, "path: an empty file name"}}) {
+    const auto refused = [](const auto& step) { return messageOf(step, ErrorKind::usage); };
+    CHECK(refused([&] { model.save(path); }) == message);
+    CHECK(refused([&] { Model::load(path); }) == message);
+    CHECK(refused([&] { readImage(path); }) == message);
+    CHECK(refused([&] { writeImage(path, {1, 1, 1, {1}}); }) == message);
+    CHECK(refused([&] { convert(path, good); }) == message);
+    CHECK(refused([&] { convert(kSample, path); }) == message);
+    CHECK(refused([&] { convert(kSample, folder / "b.tgz", {.edits = {{"merge", path.string()}}}); }) == message);
+    CHECK(refused([&] { Dataset::load(path); }) == message);
+  }
+  CHECK(std::filesystem::is_empty(folder.path));
 }
 
 TEST_CASE("a camera that is none is refused") {
@@ -486,6 +507,11 @@ TEST_CASE("every example runs on what the one before it made") {
   CHECK(readImage(folder / "picture.png").data.size() == 32 * 32 * 3);
   CHECK(example("make", path + "/disc.tgz", folder).empty());
   CHECK_THAT(example("render", path + "/disc.tgz " + path + "/disc.png", folder), Contains("1 Gaussians, 256 x 256"));
+}
+
+TEST_CASE("a thread that cannot start is told as the programs tell it") {
+  const auto starts = [] { throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again)); };
+  CHECK(messageOf([&] { guarded(starts); }, ErrorKind::device).find("no thread can be started: ") == 0);
 }
 
 TEST_CASE("a picture that is none is not written") {
