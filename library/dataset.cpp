@@ -1,9 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "textured_gaussians/dataset.h"
 
+#include <system_error>
+
 #include "library/access.h"
 
 namespace textured_gaussians {
+namespace {
+
+// By its whole path, since photographs are read for as long as there is the data set. What is wrong with it is said of
+// the path that the caller knows.
+tg::Dataset loaded(const std::filesystem::path& folder, const tg::DatasetOptions& options) {
+  std::error_code reason;
+  const std::filesystem::path whole = std::filesystem::absolute(folder, reason);
+  if (reason) throw tg::Error(tg::ErrorKind::cannotRead, folder.string(), "cannot be read: " + reason.message());
+  try {
+    return tg::loadDataset(whole, options);
+  } catch (const tg::Error& error) {
+    const std::string message = error.what(), named = tg::printable(whole.string());
+    if (!message.starts_with(named)) throw;
+    throw tg::Error(error.kind, folder.string() + message.substr(named.size()));
+  }
+}
+
+}  // namespace
 
 Dataset Dataset::load(const std::filesystem::path& folder, const DatasetOptions& options) {
   return guarded([&] {
@@ -12,7 +32,7 @@ Dataset Dataset::load(const std::filesystem::path& folder, const DatasetOptions&
     own.downscale = options.downscale;
     own.test_every = options.test_every;
     if (options.background) own.background = finiteColorOf(*options.background);
-    return Dataset(std::make_shared<const Parts>(Parts{tg::loadDataset(folder, own), own.background.has_value()}));
+    return Dataset(std::make_shared<const Parts>(Parts{loaded(folder, own), own.background.has_value()}));
   });
 }
 

@@ -58,6 +58,14 @@ std::string example(const std::string& name, const std::string& arguments, const
   return program("example_" + name, arguments, folder);
 }
 
+// A working folder for as long as it lives.
+struct WorkingFolder {
+  explicit WorkingFolder(const std::filesystem::path& folder) { std::filesystem::current_path(folder); }
+  ~WorkingFolder() { std::filesystem::current_path(before); }
+  WorkingFolder& operator=(WorkingFolder&&) = delete;
+  const std::filesystem::path before = std::filesystem::current_path();
+};
+
 }  // namespace
 
 TEST_CASE("the version is the project's") { CHECK(std::string(version()) == TG_VERSION); }
@@ -464,6 +472,34 @@ TEST_CASE("a data set tells what it was read without") {
   CHECK(dataset.size() == 7);
   CHECK(dataset.warnings() ==
         std::vector<std::string>{"1 of 8 listed images are missing and were skipped (the first: ./train/r_2)"});
+}
+
+TEST_CASE("a data set of a relative path is read from there wherever the program goes") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  ModelData data = Model::load(kSample).data();
+  data.background = {0.1f, 0.2f, 0.3f};  // photographs are read again
+  const Model model(data);
+  const Dataset dataset = [&] {
+    const WorkingFolder working(folder.path);
+    CHECK(messageOf([] { Dataset::load("none"); }, ErrorKind::cannotRead) == "none: no such folder");
+    std::filesystem::copy("scene", "spoilt", std::filesystem::copy_options::recursive);
+    std::ofstream("spoilt/transforms_train.json") << "{";
+    CHECK(messageOf([] { Dataset::load("spoilt"); }, ErrorKind::badData).find("spoilt/transforms_train.json: ") == 0);
+    return Dataset::load("scene");
+  }();
+  CHECK(evaluate(model, dataset).views.size() == 2);
+}
+
+TEST_CASE("a data set that the system does not show is refused with the system's reason") {
+  const TemporaryFolder folder;
+  std::filesystem::create_symlink("loop", folder / "loop");
+  CHECK_THAT(messageOf([&] { Dataset::load(folder / "loop/scene"); }, ErrorKind::cannotRead),
+             Contains("loop/scene: cannot be read: "));
+  std::filesystem::create_directory(folder / "gone");
+  const WorkingFolder working(folder / "gone");
+  std::filesystem::remove(folder / "gone");
+  CHECK(messageOf([] { Dataset::load("."); }, ErrorKind::cannotRead).find(".: cannot be read: ") == 0);
 }
 
 TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {

@@ -471,7 +471,10 @@ void checkDatasetOptions(const DatasetOptions& options) {
 
 Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   std::error_code code;
-  if (!fs::exists(place, code)) throw Error(ErrorKind::cannotRead, place.string(), "no such folder");
+  const bool exists = fs::exists(place, code);
+  const fs::path whole_place = code ? place : fs::absolute(place, code);  // none where the working folder is gone
+  if (code) throw Error(ErrorKind::cannotRead, place.string(), "cannot be read: " + code.message());
+  if (!exists) throw Error(ErrorKind::cannotRead, place.string(), "no such folder");
   if (!fs::is_directory(place, code)) {
     throw Error(ErrorKind::cannotRead, place.string(), "not a folder (expected a data set)");
   }
@@ -480,7 +483,8 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   Dataset dataset;
   const std::optional<BlockFile> block = readBlock(place);
   const fs::path folder = block ? (place / block->dataset).lexically_normal() : place;
-  dataset.name = fs::weakly_canonical(place).filename().string();
+  const fs::path canonical = fs::weakly_canonical(whole_place, code);
+  dataset.name = (code ? whole_place : canonical).filename().string();
   dataset.layout = options.layout;
   if (block && dataset.layout == DatasetLayout::automatic) {
     const std::optional<DatasetLayout> layout = parse<DatasetLayout>(block->layout);

@@ -28,8 +28,8 @@ class Dataset {
  public:
   Dataset(const Dataset&) = default;
   Dataset& operator=(const Dataset&) = default;
-  // A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder (docs/training.md). Throws Error: cannotRead,
-  // badData, usage for options out of range.
+  // A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder (docs/training.md), which is read from there later,
+  // too, whatever the working folder is by then. Throws Error: cannotRead, badData, usage for options out of range.
   static Dataset load(const std::filesystem::path& folder, const DatasetOptions& options = {});
 
   std::size_t size() const;  // photographs
