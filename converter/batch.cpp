@@ -106,11 +106,12 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
   std::uint64_t read = 0;
   for (std::size_t i = 0; i < report.items.size(); ++i) {
     BatchItem& item = report.items[i];
-    progress({i, report.items.size(), item.input.filename().string(),
+    progress({i, report.items.size(), printable(item.input.filename().string()),
               static_cast<double>(read) / static_cast<double>(std::max<std::uint64_t>(total, 1))});
     const auto failed = [&](ErrorKind kind, const std::string& what) {
-      const bool named = what.starts_with(item.input.string()) || what.starts_with(item.output.string());
-      item.error = named ? what : item.input.string() + ": " + what;
+      const std::string input_name = printable(item.input.string());
+      const bool named = what.starts_with(input_name) || what.starts_with(printable(item.output.string()));
+      item.error = named ? what : input_name + ": " + what;
       if (report.exit_code == 0) report.exit_code = static_cast<int>(kind);
     };
     try {
@@ -118,7 +119,7 @@ BatchReport convertFolder(const std::filesystem::path& input, const std::filesys
     } catch (const Error& e) {
       failed(e.kind, e.what());
     } catch (const std::bad_alloc&) {
-      failed(ErrorKind::device, item.input.string() + ": the model does not fit into memory");
+      failed(ErrorKind::device, "the model does not fit into memory");
     }
     read += sizeOf(item);
   }
@@ -131,7 +132,7 @@ std::string describe(const BatchReport& report) {
   const bool dry_run = std::ranges::any_of(report.items, [](const BatchItem& item) { return item.report.dry_run; });
   std::uint64_t before = 0, after = 0;
   for (const BatchItem& item : report.items) {
-    text += item.input.filename().string() + ": ";
+    text += printable(item.input.filename().string()) + ": ";
     if (!item.error.empty()) {
       ++failures;
       text += "failed: " + item.error + "\n";

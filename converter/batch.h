@@ -13,7 +13,7 @@ namespace tg {
 struct BatchItem {
   std::filesystem::path input;
   std::filesystem::path output;
-  std::string error;     // "" when it went well
+  std::string error;     // a printable line; "" when it went well
   ConvertReport report;  // when it did
 };
 
@@ -24,7 +24,7 @@ struct BatchReport {
 
 struct BatchProgress {
   std::size_t item = 0, items = 0;
-  std::string name;
+  std::string name;  // printable
   double done = 0;  // part of all bytes to be read, in [0, 1]
 };
 

@@ -45,7 +45,7 @@ struct Arguments {
 void warn(const Arguments& arguments, const std::string& input, const std::vector<std::string>& warnings) {
   if (arguments.quiet || arguments.json) return;  // the JSON lists them
   for (const std::string& warning : warnings) {
-    std::fprintf(stderr, "warning: %s: %s\n", input.c_str(), warning.c_str());
+    std::fprintf(stderr, "warning: %s\n", tg::printable(input + ": " + warning).c_str());
   }
 }
 
@@ -339,11 +339,14 @@ int runMerge(const MergeArguments& arguments) {
   const tg::MergeReport report =
       tg::mergeBlocks(arguments.blocks, arguments.models, arguments.output, arguments.overwrite);
   if (arguments.quiet) return 0;
-  for (const std::string& warning : report.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
-  for (const tg::MergedBlock& block : report.blocks) {
-    std::printf("%s: %zu of %zu Gaussians lie in its cell\n", block.name.c_str(), block.kept, block.trained);
+  for (const std::string& warning : report.warnings) {
+    std::fprintf(stderr, "warning: %s\n", tg::printable(warning).c_str());
   }
-  std::printf("wrote %s: %zu Gaussians\n", arguments.output.c_str(), report.gaussians);
+  for (const tg::MergedBlock& block : report.blocks) {
+    std::printf("%s: %zu of %zu Gaussians lie in its cell\n", tg::printable(block.name).c_str(), block.kept,
+                block.trained);
+  }
+  std::printf("wrote %s: %zu Gaussians\n", tg::printable(arguments.output).c_str(), report.gaussians);
   return 0;
 }
 

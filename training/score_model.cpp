@@ -16,9 +16,9 @@ namespace tg {
 EvalScene readEvalScene(const std::string& path, bool quiet) {
   Bundle bundle = readModel(path);
   if (!quiet) {
-    for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", warning.c_str());
+    for (const std::string& warning : bundle.warnings) std::fprintf(stderr, "tgeval: %s\n", printable(warning).c_str());
     if (wasInterrupted(bundle.training_json)) {
-      std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), kInterruptedTraining);
+      std::fprintf(stderr, "tgeval: %s: %s\n", printable(path).c_str(), kInterruptedTraining);
     }
   }
   EvalScene scene;
@@ -30,7 +30,7 @@ EvalScene readEvalScene(const std::string& path, bool quiet) {
 
 void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset) {
   for (const std::string& note : notesOnViews(scene.trained, dataset.name, dataset.views)) {
-    std::fprintf(stderr, "tgeval: %s: %s\n", path.c_str(), note.c_str());
+    std::fprintf(stderr, "tgeval: %s\n", printable(path + ": " + note).c_str());
   }
 }
 

@@ -96,7 +96,7 @@ Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
     const std::string points = count > 0                     ? std::to_string(count) + " points"
                                : options.start_model.empty() ? "no points: random ones are the start"
                                                              : "no points";
-    std::printf("%s: %zu train and %zu test views of %d x %d (%s), %s\n", dataset.name.c_str(),
+    std::printf("%s: %zu train and %zu test views of %d x %d (%s), %s\n", printable(dataset.name).c_str(),
                 dataset.indices(false).size(), dataset.indices(true).size(), camera.size.x, camera.size.y,
                 std::string(name(dataset.layout)).c_str(), points.c_str());
     std::fflush(stdout);
@@ -207,7 +207,8 @@ void Training::load() {
   requireStorable(options_, dataset_.views);
   if (!start) return;
   if (!options_.quiet) {
-    for (const std::string& warning : start->warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+    for (const std::string& warning : start->warnings)
+      std::fprintf(stderr, "tgtrain: %s\n", printable(warning).c_str());
   }
   start_model_ = std::move(start->model);
 }

@@ -68,7 +68,7 @@ void write(const std::string& path, const Bundle& scene, bool replace, bool quie
   Written written;
   writeModel(format, path, scene, options, written);
   if (quiet) return;
-  for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", warning.c_str());
+  for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", printable(warning).c_str());
 }
 
 // Under the first name beside `path` that is free, which it returns.

@@ -229,7 +229,7 @@ void writeTo(const std::filesystem::path& path, const Bundle& bundle, bool compr
     });
   } catch (const Error& e) {
     const std::string what = e.what();
-    if (what.starts_with(path.string())) throw;
+    if (what.starts_with(printable(path.string()))) throw;
     throw Error(ErrorKind::cannotWrite, path.string(), what);
   } catch (const std::runtime_error& e) {
     throw Error(ErrorKind::cannotWrite, path.string(), e.what());

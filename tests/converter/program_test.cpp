@@ -320,6 +320,30 @@ TEST_CASE("tgconvert turns a folder of models into another, and says which faile
   CHECK(tgconvert(scratch, "empty out --to glb").code == 2);
 }
 
+TEST_CASE("names of files reach the terminal without their control characters and are said once") {
+  const Scratch scratch;
+  const std::string name = "\x1b[31mred", shown = "?[31mred";
+  std::filesystem::create_directories(scratch.folder() / "in" / name);
+  const GaussianModel model = test::makeScene(test::SceneKind::ordinary, 1, 20).model;
+  writeSplatPly(scratch.folder() / "in" / (name + ".ply"), model);
+  scratch.write("in/" + name + "2.ply", "ply\nformat ascii 1.0\nend_header\n");
+  const std::string folder = "\"in/$(printf '\\033[31mred')\"";
+  const Result written = tgconvert(scratch, "in out --to splat");
+  CHECK(written.code == 3);
+  CHECK(written.out.find(shown + ".ply: 20 Gaussians, ") != std::string::npos);
+  CHECK(written.out.find("\n" + shown + "2.ply: failed: in/" + shown + "2.ply: ") != std::string::npos);
+  const Result again = tgconvert(scratch, "in " + folder + " --to tgz --quiet");
+  CHECK(again.err.find("tgconvert: in/" + shown + "2.ply: ") == 0);
+  const Result single = tgconvert(scratch, folder + ".ply " + folder + "/a.splat");
+  CHECK(single.code == 0);
+  for (const Result& result : {written, again, single}) {
+    CHECK((result.out + result.err).find('\x1b') == std::string::npos);
+    CHECK(result.err.find("2.ply: in/") == std::string::npos);
+    CHECK(result.out.find("2.ply: in/" + shown + "2.ply: in/") == std::string::npos);
+  }
+  CHECK(single.err.find("warning: in/" + shown + ".ply: ") == 0);
+}
+
 TEST_CASE("what is named as a model in a folder and is none fails and other files are left aside") {
   const Scratch scratch;
   const std::filesystem::path in = scratch.folder() / "in";

@@ -23,7 +23,7 @@ std::string limitsText(const GpuLimits& limits) {
 void adapt(Scene& scene, const ViewOptions& options) {
   scene.up = upOf(options.up, scene.up);
   for (const std::string& warning : scene.warnings) {
-    if (!options.quiet) std::fprintf(stderr, "%s: warning: %s\n", scene.path.c_str(), warning.c_str());
+    if (!options.quiet) std::fprintf(stderr, "%s\n", printable(scene.path.string() + ": warning: " + warning).c_str());
   }
 }
 

@@ -185,4 +185,7 @@ TEST_CASE("a failed write leaves the older file as it was and nothing beside it"
   for (const auto& file : std::filesystem::directory_iterator(folder.path)) files += file.exists();
   REQUIRE(files == 1);
   REQUIRE_THROWS_AS(tg::writeBundle(folder / "missing" / "a.tgz", tinyBundle()), tg::Error);
+  const std::filesystem::path there = folder / "\x1bx" / "a.tgz";
+  REQUIRE_THROWS_WITH(tg::writeBundle(there, tinyBundle()),
+                      Contains("?x/a.tgz: ") && !Contains("?x/a.tgz: " + folder.path.string()));
 }
