@@ -337,9 +337,9 @@ World space is the data set's, right-handed; nothing is rescaled.)")
            "background"_a = std::array<float, 3>{}, "cameras"_a = std::vector<Camera>{},
            "intersection"_a = "max_response", "outside"_a = "base", R"(A model of N Gaussians from arrays of float32.
 
-means [N, 3] [world units]; rotations [N, 4] quaternions w, x, y, z, world from Gaussian, of any length above 0;
-log_scales [N, 3] ln(sigma); opacity_logits [N], opacity = 1 / (1 + exp(-logit)); sh [N, K, 3] with K = 1, 4, 9 or 16,
-colour = 0.5 + sum of sh times basis; texture_mode "none", "alpha", "rgb" or "rgba"; texture_rects [N, 3] integers
+means [N, 3] [world units]; rotations [N, 4] quaternions w, x, y, z, world from Gaussian, of a length from 1e-22 to
+1e19; log_scales [N, 3] ln(sigma); opacity_logits [N], opacity = 1 / (1 + exp(-logit)); sh [N, K, 3] with K = 1, 4, 9 or
+16, colour = 0.5 + sum of sh times basis; texture_mode "none", "alpha", "rgb" or "rgba"; texture_rects [N, 3] integers
 offset, width, height [texels]: texel (i, j), i along u, is texels[offset + j * width + i]; texels [T, 4] RGB, added to
 the base colour, and a factor on alpha in [0, 1]; background RGB that it was trained against; cameras of the photographs
 that it was trained on; intersection, where a ray meets a Gaussian: "plane" or "max_response"; outside, what is drawn of

@@ -22,8 +22,9 @@ using S = RenderSettings;
 [[noreturn]] void refuse(std::string_view what, const std::string& problem) {
   throw Error(ErrorKind::usage, std::string(what), problem);
 }
-void require(bool holds, std::string_view what, const std::string& expected, double found) {
-  if (!holds) refuse(what, "out of range (expected " + expected + ", found " + std::to_string(found) + ")");
+template <typename Number>
+void require(bool holds, std::string_view what, const std::string& expected, Number found) {
+  if (!holds) refuse(what, "out of range" + expectedFound(expected, numberText(found)));
 }
 
 // `low` and `high` bound text. Code may go further, but never below 0 where `low` is not.

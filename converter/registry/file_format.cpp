@@ -425,10 +425,14 @@ const Format& formatByName(const Path& path, bool read_again) {
     if (!found || format.name.size() > found->name.size()) found = &format;  // .compressed.ply before .ply
   }
   if (found && (found->whole_name || name != extensionOf(*found))) return *found;
+  const bool is_read = std::ranges::any_of(
+      kFormats, [&](const Format& format) { return !format.write && name.ends_with(extensionOf(format)); });
   std::ranges::sort(known);
   throw Error(ErrorKind::usage, path.string(),
-              std::string(read_again ? "is no model format" : "unknown output format") + " (expected " + listed(known) +
-                  ", found \"" + path.extension().string() + "\")");
+              std::string(is_read      ? "is not written"
+                          : read_again ? "is no model format"
+                                       : "unknown output format") +
+                  " (expected " + listed(known) + ", found \"" + path.extension().string() + "\")");
 }
 
 }  // namespace

@@ -46,7 +46,8 @@ std::string brokenPromise(const GaussianModel& model, std::size_t i, bool with_t
             broken = field.name + (field.harmonic ? " coefficient " + std::to_string(k) : "") + " is not finite";
           } else if constexpr (std::is_same_v<T, glm::vec4>) {
             if (field.quaternion && !hasLength(value)) {
-              broken = std::string(field.name) + " has no usable length (expected a quaternion of length > 0)";
+              broken = std::string(field.name) +
+                       " has no usable length (expected a quaternion of a length from 1e-22 to 1e19)";
             }
           }
         }

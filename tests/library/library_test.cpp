@@ -122,6 +122,10 @@ TEST_CASE("numbers that make no model are refused by name") {
   CHECK_THAT(refused([](ModelData& data) { data.means[7] = std::numeric_limits<float>::quiet_NaN(); }),
              Contains("mean"));
   CHECK_THAT(refused([](ModelData& data) { std::fill_n(data.rotations.begin() + 8, 4, 0.0f); }), Contains("rotation"));
+  for (const float length : {1e25f, 1e-40f}) {
+    CHECK(refused([=](ModelData& data) { std::fill_n(data.rotations.begin() + 8, 4, length); }) ==
+          "model: Gaussian 2: rotation has no usable length (expected a quaternion of a length from 1e-22 to 1e19)");
+  }
   CHECK_THAT(refused([](ModelData& data) { data.texture_rects[3].offset = 0xffffffff; }), Contains("Gaussian 3"));
   CHECK_THAT(refused([](ModelData& data) { data.background[1] = INFINITY; }), Contains("background"));
   CHECK(refused([](ModelData&) {}) == "accepted");
@@ -179,6 +183,8 @@ TEST_CASE("a file that is not there, none or of no known format is refused with 
   CHECK_THAT(messageOf([&] { model.save(folder / "model.png"); }, ErrorKind::usage),
              Contains("model.png: is no model format (expected .compressed.ply, "));
   CHECK_FALSE(std::filesystem::exists(folder / "model.png"));
+  CHECK_THAT(messageOf([&] { model.save(folder / "model.ksplat"); }, ErrorKind::usage),
+             Contains("model.ksplat: is not written (expected .compressed.ply, "));
   std::vector<std::string> left = model.save(folder / "model.sog");
   CHECK(std::ranges::any_of(left, [](const std::string& line) { return line.find("background") != line.npos; }));
   left = model.save(folder / "model.glb");
@@ -292,7 +298,9 @@ TEST_CASE(
   REQUIRE(empty != alpha.data.end());
   CHECK(red.data[3 * static_cast<std::size_t>(empty - alpha.data.begin())] == 1);
   CHECK_THAT(messageOf([&] { renderer.render(camera, Output::final, {.splat_scale = -1}); }, ErrorKind::usage),
-             Contains("splat"));
+             Contains("(expected above 0, found -1)"));
+  CHECK(messageOf([&] { renderer.render(camera, Output::final, {.max_sh_degree = 4}); }, ErrorKind::usage) ==
+        "SH degree: out of range (expected 0 to 3, found 4)");
   for (const float channel : {INFINITY, std::nanf("")}) {
     const std::array<float, 3> background = {0, channel, 0};
     CHECK(messageOf([&] { renderer.render(camera, Output::final, {.background = background}); }, ErrorKind::usage) ==
@@ -351,8 +359,10 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   CHECK_NOTHROW(Trainer(dataset, {.preset = "quick", .settings = {{"percent", "50"}, {"default-gaussians", "100"}}}));
   CHECK_THAT(messageOf([&] { setThreads(-1); }, ErrorKind::usage), Contains("found -1"));
   CHECK_THAT(messageOf([&] { Dataset::load(folder / "none"); }, ErrorKind::cannotRead), Contains("none"));
-  CHECK_THAT(messageOf([&] { Dataset::load(folder / "scene", {.downscale = 0}); }, ErrorKind::usage),
-             Contains("downscale"));
+  CHECK(messageOf([&] { Dataset::load(folder / "scene", {.downscale = 65}); }, ErrorKind::usage) ==
+        "--downscale: out of range (expected 1 to 64, found 65)");
+  CHECK(messageOf([&] { Dataset::load(folder / "scene", {.test_every = 1}); }, ErrorKind::usage) ==
+        "--test-every: out of range (expected 0, for none, or at least 2, found 1)");
   TrainOptions options = {.settings = {{"iterations", "2"}, {"texture-mode", "none"}, {"sh-degree", "0"}}};
   Trainer first(dataset, options);
   while (first.step()) {

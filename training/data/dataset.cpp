@@ -457,12 +457,13 @@ std::string datasetNear(const fs::path& folder) {
 
 void checkDatasetOptions(const DatasetOptions& options) {
   if (options.downscale < 1 || options.downscale > kMaxDownscale) {
-    throw Error(ErrorKind::usage, "downscale factor out of range (expected 1 to " + std::to_string(kMaxDownscale) +
-                                      ", found " + std::to_string(options.downscale) + ")");
+    throw Error(
+        ErrorKind::usage, "--downscale",
+        "out of range" + expectedFound("1 to " + std::to_string(kMaxDownscale), std::to_string(options.downscale)));
   }
   if (options.test_every < 0 || options.test_every == 1) {
-    throw Error(ErrorKind::usage,
-                "the test split needs 0 (none) or at least 2 (found " + std::to_string(options.test_every) + ")");
+    throw Error(ErrorKind::usage, "--test-every",
+                "out of range" + expectedFound("0, for none, or at least 2", std::to_string(options.test_every)));
   }
   if (options.points && !isFile(*options.points)) {
     throw Error(ErrorKind::cannotRead, options.points->string(), "no such file");

@@ -14,7 +14,7 @@ struct Camera {
   std::array<double, 3> translation = {0, 0, 0};  // camera from world [world units]
   std::array<double, 2> focal = {0, 0};           // x, y [px], above 0
   std::array<double, 2> center = {0, 0};          // x, y [px]
-  int width = 0;                                  // [px], 1 to 65,536, as height
+  int width = 0;                                  // [px], 1 to 65,536, as height; width times height at most 2^28
   int height = 0;                                 // [px]
   std::string name;                               // of the photograph, without its folder; may be empty
   bool test = false;                              // held out from training

@@ -16,11 +16,11 @@
 namespace textured_gaussians {
 
 struct DatasetOptions {
-  int downscale = 1;  // whole number: photographs are reduced by a box filter
+  int downscale = 1;  // 1 to 64: photographs are reduced by a box filter
   // RGB behind transparent photographs; without one: the data set's own, else white for NeRF-synthetic, else black. An
   // evaluation without one goes over the model's (evaluate.h).
   std::optional<std::array<float, 3>> background = {};
-  int test_every = 8;  // every n-th photograph by name is held out, where the data set has no split; 0: none
+  int test_every = 8;  // every n-th photograph by name is held out, where the data set has no split; 0: none; not 1
 };
 
 // Does not change: copies share its memory. One that was moved from is still the same.

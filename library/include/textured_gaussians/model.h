@@ -32,7 +32,7 @@ struct TextureRect {
 // Everything a model is made of, N Gaussians. World space is the data set's, right-handed; nothing is rescaled.
 struct ModelData {
   std::vector<float> means;           // [N, 3] [world units]
-  std::vector<float> rotations;       // [N, 4] quaternions w, x, y, z: world from Gaussian; of any length above 0
+  std::vector<float> rotations;  // [N, 4] quaternions w, x, y, z: world from Gaussian; of lengths from 1e-22 to 1e19
   std::vector<float> log_scales;      // [N, 3] ln(sigma), sigma in [world units], along the Gaussian's axes
   std::vector<float> opacity_logits;  // [N] opacity = 1 / (1 + exp(-logit))
   std::vector<float> sh;              // [N, K, 3] RGB, K = (sh_degree + 1)^2; colour = 0.5 + sum of sh times basis

@@ -460,7 +460,7 @@ TEST_CASE("refuses broken transforms.json with the frame it is about", "[dataset
   options.downscale = 20;
   CHECK_THAT(refusal(folder.path, options), Contains("1 ") && Contains("too small for the downscale factor"));
   options.downscale = 0;
-  CHECK_THAT(refusal(folder.path, options), Contains("downscale factor out of range"));
+  CHECK_THAT(refusal(folder.path, options), Contains("--downscale: out of range (expected 1 to 64"));
 }
 
 TEST_CASE("refuses numbers that float cannot train with", "[dataset]") {
