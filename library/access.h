@@ -63,6 +63,9 @@ inline void requirePath(const std::filesystem::path& path) {
   }
 }
 
+// Settings and edits may be named as messages name them, by the programs' flags.
+inline std::string withoutDashes(const std::string& name) { return name.starts_with("--") ? name.substr(2) : name; }
+
 // The first throws Error(usage) for a camera that is none.
 tg::Camera cameraOf(const Camera& camera);
 Camera cameraOf(const tg::Camera& camera);

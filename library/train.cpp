@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 #include <mutex>
 #include <vector>
 
@@ -24,12 +25,23 @@ namespace {
       "no such setting (" + (near.empty() ? "docs/training.md has them" : "did you mean " + near + "?") + ")");
 }
 
+using Settings = std::map<std::string, std::string>;
+
+// By their names alone. Throws tg::Error(usage).
+Settings namedSettings(const TrainOptions& options) {
+  Settings named;
+  for (const auto& [given, value] : options.settings) {
+    const auto [place, added] = named.emplace(withoutDashes(given), value);
+    if (!added) throw tg::Error(tg::ErrorKind::usage, place->first, "is given twice");
+  }
+  return named;
+}
+
 tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Model>& start) {
   tg::TrainSettings settings = tg::presetSettings(options.preset);
-  const auto names = [&](std::string_view setting) {
-    return std::ranges::any_of(options.settings, [&](const auto& named) { return named.first == setting; });
-  };
-  for (const auto& [name, value] : options.settings) {
+  const Settings named = namedSettings(options);
+  const auto names = [&](const char* setting) { return named.contains(setting); };
+  for (const auto& [name, value] : named) {
     const auto entry = std::ranges::find(tg::settingEntries(), name, &tg::SettingEntry::name);
     if (entry == tg::settingEntries().end()) refuseUnknown(name);
     entry->set(settings, value);
@@ -50,7 +62,8 @@ tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Mo
 
 std::vector<std::string> warningsOf(const TrainOptions& options, const std::optional<Model>& start,
                                     const tg::TrainSettings& settings) {
-  const auto chosen = [&](const tg::SettingEntry& entry) { return options.settings.contains(entry.name); };
+  const Settings named = namedSettings(options);
+  const auto chosen = [&](const tg::SettingEntry& entry) { return named.contains(entry.name); };
   std::vector<std::string> warnings = tg::idleSettings(settings, chosen, start.has_value(), false);
   if (start && tg::isTextured(Access::bundle(*start)->model)) {
     std::ranges::copy(tg::idlePastStage1(settings, chosen), std::back_inserter(warnings));

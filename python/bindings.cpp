@@ -540,7 +540,9 @@ where the data set has no split; 0: none.)")
              for (const auto& [key, value] : settings) {
                std::string name = py::str(key);
                std::ranges::replace(name, '_', '-');
-               options.settings[name] = settingText(py::reinterpret_borrow<py::object>(value));
+               if (!options.settings.emplace(name, settingText(py::reinterpret_borrow<py::object>(value))).second) {
+                 refuse(name + ": is given twice");
+               }
              }
              const py::gil_scoped_release release;
              return std::make_unique<Trainer>(dataset, options, model);

@@ -353,7 +353,11 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
         "speed-of-light: no such setting (docs/training.md has them)");
   CHECK(refused({.settings = {{"quantize-iterations", "5"}}}) ==
         "quantize-iterations: is for a file that tgtrain writes (expected 0)");
-  CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Contains("iterations"));
+  // Messages name tgtrain's flags, and those are names, too.
+  CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Contains("--iterations: "));
+  CHECK(Trainer(dataset, {.settings = {{"--iterations", "3"}}}).progress().iterations == 3);
+  CHECK(refused({.settings = {{"--iterations", "3"}, {"iterations", "4"}}}) == "iterations: is given twice");
+  CHECK(refused({.settings = {{"--iteration", "30"}}}) == "iteration: no such setting (did you mean iterations?)");
   CHECK_THAT(refused({.preset = "best"}), Contains("best"));
   // The preset's limit gives way to the share that is named.
   CHECK_NOTHROW(Trainer(dataset, {.preset = "quick", .settings = {{"percent", "50"}, {"default-gaussians", "100"}}}));
