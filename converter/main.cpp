@@ -10,12 +10,14 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "converter/batch.h"
 #include "converter/check.h"
 #include "converter/convert.h"
+#include "converter/idle.h"
 #include "converter/merge_blocks.h"
 #include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
@@ -180,27 +182,6 @@ std::string outputExtensions() {
   return tg::listed(names);
 }
 
-// Options that shape a file, and of which formats.
-struct ShapingOption {
-  const char* name;
-  bool (*shapes)(const tg::Format& format);
-};
-constexpr ShapingOption kShapingOptions[] = {
-    {"--no-cameras", [](const tg::Format& format) { return format.holds(tg::kKeepsCameras); }},
-    {"--lean", [](const tg::Format& format) { return format.is_gltf && format.name != "html"; }},  // which always is
-    {"--quantize", [](const tg::Format& format) { return format.is_gltf; }},
-    {"--meshopt", [](const tg::Format& format) { return format.is_gltf; }},
-    {"--atlas", [](const tg::Format& format) { return format.is_gltf || format.name == "png"; }},
-    {"--steps", [](const tg::Format& format) { return format.has_steps; }},
-    {"--target-size", [](const tg::Format& format) { return format.has_steps; }},
-    {"--target-psnr", [](const tg::Format& format) { return format.has_steps; }},
-    {"--texture-step", [](const tg::Format& format) { return format.has_steps; }},
-    {"--views", [](const tg::Format& format) { return format.is_gltf; }},
-    {"--spz-version", [](const tg::Format& format) { return format.name == "spz"; }},
-    {"--for",
-     [](const tg::Format& format) { return format.name != "tgz" && format.name != "html" && format.name != "png"; }},
-};
-
 // What stands before a command would be lost.
 void refuseBefore(const CLI::App& app, const std::string& command, const std::string& usage) {
   for (const CLI::Option* option : app.get_options()) {
@@ -228,10 +209,6 @@ void refuseBesideInfo(const CLI::App& app, const Arguments& arguments) {
 // What is asked for and does nothing is a mistake that nobody would see.
 void refuseIdle(const CLI::App& app, const Arguments& arguments) {
   const auto given = [&](const char* name) { return app.get_option(name)->count() > 0; };
-  const auto refuse = [](const std::string& name, const std::string& formats) {
-    throw tg::Error(tg::ErrorKind::usage, name + " does nothing here: it is only for " + formats);
-  };
-  if (given("--for-aim") && !given("--for")) refuse("--for-aim", "--for");
   std::error_code ignored;
   const bool folder = std::filesystem::is_directory(arguments.input, ignored);
   if (given("--to") && !folder) {
@@ -240,51 +217,17 @@ void refuseIdle(const CLI::App& app, const Arguments& arguments) {
   const bool looks = arguments.info || arguments.stats || arguments.output == "null";
   if (looks) refuseBesideInfo(app, arguments);
   const bool writes = !looks && !arguments.output.empty();
-  if (given("--dry-run") && given("--psnr")) {
-    throw tg::Error(tg::ErrorKind::usage, "--psnr does nothing beside --dry-run, which writes nothing");
-  }
   const tg::Format* output = nullptr;
   if (writes && !folder) output = &tg::outputFormat(arguments.output);
   if (writes && folder && given("--to")) output = tg::findFormat(arguments.to);
-  for (const ShapingOption& option : kShapingOptions) {
-    if (output == nullptr || !given(option.name) || option.shapes(*output)) continue;
-    std::vector<std::string> names;
-    for (const tg::Format& format : tg::formats()) {
-      if (format.write && option.shapes(format)) names.push_back("." + std::string(format.name));
-    }
-    refuse(option.name, tg::listed(names));
+  std::set<std::string> flags;
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->count() > 0) flags.insert(option->get_name());
   }
-  if (output && !output->read && given("--psnr") && arguments.options.edits.empty()) {
-    throw tg::Error(tg::ErrorKind::usage, "--psnr does nothing here: a ." + std::string(output->name) +
-                                              " is not read again, and no edit is compared");
-  }
-  if (output && output->name == "html" && arguments.options.atlas == tg::AtlasFormat::exr) {
-    throw tg::Error(tg::ErrorKind::usage, "--atlas: a page reads no EXR (expected png8, png16 or webp, found \"exr\")");
-  }
-  // Of what is read. What cannot be told apart says so itself, later.
-  if (!given("--spz-axes") && !given("--base-only")) return;
-  std::vector<std::string> inputs = {arguments.input};
-  if (folder) {
-    inputs.clear();
-    for (const std::filesystem::path& model : tg::modelsIn(arguments.input)) inputs.push_back(model.string());
-  }
-  for (const tg::Edit& edit : arguments.options.edits) {
-    if (edit.option == "--merge") inputs.push_back(edit.value);
-  }
-  const auto reads = [&](const auto& suits) {
-    return std::ranges::any_of(inputs, [&](const std::string& input) {
-      try {
-        return suits(tg::detectFormat(input));
-      } catch (const tg::Error&) {
-        return true;
-      }
-    });
+  const auto inputs = [&] {
+    return folder ? tg::modelsIn(arguments.input) : std::vector<std::filesystem::path>{arguments.input};
   };
-  if (given("--spz-axes") && !reads([](const tg::Format& format) { return format.name == "spz"; })) {
-    refuse("--spz-axes", "an .spz that is read");
-  }
-  const auto based = [](const tg::Format& format) { return format.has_base || format.is_gltf; };
-  if (given("--base-only") && !reads(based)) refuse("--base-only", "a .glb, .gltf, .html, .sog or tileset.json that is read");
+  tg::refuseIdle(flags, output, inputs, arguments.options);
 }
 
 struct CheckArguments {

@@ -617,23 +617,59 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
       .def_readonly("input_bytes", &ConvertReport::input_bytes)
       .def_readonly("output_bytes", &ConvertReport::output_bytes)
       .def_readonly("gaussians", &ConvertReport::gaussians, "Written.")
+      .def_readonly("steps", &ConvertReport::steps, "That were asked for, or found for a target; None without both.")
       .def_readonly("psnr", &ConvertReport::psnr, "[dB] of the file read back; None where it was not measured.")
       .def_readonly("warnings", &ConvertReport::warnings, "What the format does not hold, a line each.");
   module.def(
       "convert",
       [](const std::filesystem::path& input, const std::filesystem::path& output, bool overwrite, bool quantize,
          bool meshopt, bool measure, std::optional<float> steps,
-         const std::vector<std::pair<std::string, std::string>>& edits) {
-        return convert(input, output, {overwrite, quantize, meshopt, measure, steps, edits});
+         const std::vector<std::pair<std::string, py::str>>& edits, std::optional<std::uint64_t> target_size,
+         std::optional<double> target_psnr, std::optional<float> texture_step, bool cameras,
+         const std::vector<Camera>& views, bool base_only, bool lean, const std::optional<std::string>& atlas,
+         std::optional<int> spz_version, const std::optional<std::string>& spz_axes,
+         const std::optional<std::string>& viewer, const std::optional<std::string>& viewer_aim, bool dry_run) {
+        ConvertOptions options{.overwrite = overwrite,
+                               .quantize = quantize,
+                               .meshopt = meshopt,
+                               .measure = measure,
+                               .steps = steps,
+                               .edits = {},
+                               .target_size = target_size,
+                               .target_psnr = target_psnr,
+                               .texture_step = texture_step,
+                               .cameras = cameras,
+                               .views = views,
+                               .base_only = base_only,
+                               .lean = lean,
+                               .atlas = atlas,
+                               .spz_version = spz_version,
+                               .spz_axes = spz_axes,
+                               .viewer = viewer,
+                               .viewer_aim = viewer_aim,
+                               .dry_run = dry_run};
+        for (const auto& [name, value] : edits) options.edits.emplace_back(name, fileNameFrom(value));
+        const py::gil_scoped_release release;
+        return convert(input, output, options);
       },
       "input"_a, "output"_a, py::kw_only(), "overwrite"_a = false, "quantize"_a = false, "meshopt"_a = false,
-      "measure"_a = false, "steps"_a = py::none(), "edits"_a = py::list(), py::call_guard<py::gil_scoped_release>(),
-      R"(A model's file to the format of the other's extension.
+      "measure"_a = false, "steps"_a = py::none(), "edits"_a = py::list(), "target_size"_a = py::none(),
+      "target_psnr"_a = py::none(), "texture_step"_a = py::none(), "cameras"_a = true, "views"_a = py::list(),
+      "base_only"_a = false, "lean"_a = false, "atlas"_a = py::none(), "spz_version"_a = py::none(),
+      "spz_axes"_a = py::none(), "viewer"_a = py::none(), "viewer_aim"_a = py::none(), "dry_run"_a = false,
+      R"(A model's file to the format of the other's extension. Options are tgconvert's flags, which messages name.
 
 overwrite: a file that is there. quantize, meshopt: .glb, .gltf and .html with integers, and compressed by
-EXT_meshopt_compression. measure: draw both models and compare. steps: of .sog, .glb, .gltf and .html, how many times as
-wide as usual the steps of all numbers are, 1/8 to 64. edits: names and values of tgconvert's flags, in this order:
-[("scale", "2"), ("upright", "")].)");
+EXT_meshopt_compression. measure: --psnr, draw both models and compare. steps: of .sog, .glb, .gltf and .html, how many
+times as wide as usual the steps of all numbers are, 1/8 to 64. edits: names and values of flags, in this order:
+[("scale", "2"), ("upright", "")]. target_size, target_psnr: instead of steps, the finest with which the file has at
+most this size [bytes], or the coarsest with which pictures come so near to the source's [dB], 1 to 100. texture_step:
+between a texture's colours, 1/1024 to 1/2. cameras: False leaves cameras and named views out. views: named views of
+.glb, .gltf and .html in place of the source's. base_only: of a .glb, .gltf, .html, .sog or tileset that is read,
+without its textures. lean: .glb and .gltf without the numbers that only bring a .ply back bit by bit. atlas: texels of
+.glb, .gltf, .html and .png as "png8", "png16", "exr" or "webp". spz_version: 3 or 4. spz_axes: of an .spz that is read,
+"rub" or "rdf". viewer, viewer_aim: --for and --for-aim, what viewers without textures show looks right in this one, as
+"three". dry_run: find out how large the file would be and write nothing.)");
 }
 
 }  // namespace

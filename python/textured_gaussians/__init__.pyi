@@ -242,6 +242,8 @@ class ConvertReport:
     @property
     def gaussians(self) -> int: ...
     @property
+    def steps(self) -> Optional[float]: ...
+    @property
     def psnr(self) -> Optional[float]: ...
     @property
     def warnings(self) -> List[str]: ...
@@ -256,4 +258,17 @@ def convert(
     measure: bool = ...,
     steps: Optional[float] = ...,
     edits: Sequence[Tuple[str, str]] = ...,
+    target_size: Optional[int] = ...,
+    target_psnr: Optional[float] = ...,
+    texture_step: Optional[float] = ...,
+    cameras: bool = ...,
+    views: Sequence[Camera] = ...,
+    base_only: bool = ...,
+    lean: bool = ...,
+    atlas: Optional[Literal["png8", "png16", "exr", "webp"]] = ...,
+    spz_version: Optional[int] = ...,
+    spz_axes: Optional[Literal["rub", "rdf"]] = ...,
+    viewer: Optional[Literal["three", "playcanvas", "babylon", "cesium", "spark"]] = ...,
+    viewer_aim: Optional[Literal["textures", "base"]] = ...,
+    dry_run: bool = ...,
 ) -> ConvertReport: ...

@@ -534,16 +534,88 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
   CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"upright", "no"}}}); }, ErrorKind::usage) ==
         "upright: takes no value (expected \"\", found \"no\")");
   CHECK(convert(kSample, folder / "a.ply", {.edits = {{"decimate", "100"}}}).gaussians == 100);
+  CHECK(convert(kSample, folder / "c.ply", {.edits = {{"--decimate", "100"}}}).gaussians == 100);
+  const auto refused = [&](const std::string& name, const ConvertOptions& options) {
+    return messageOf([&] { convert(kSample, folder / name, options); }, ErrorKind::usage);
+  };
   for (const float steps : {0.0f, -1.0f, 65.0f, std::numeric_limits<float>::infinity(), std::nanf("")}) {
-    CHECK(messageOf([&] { convert(kSample, folder / "b.sog", {.steps = steps}); }, ErrorKind::usage) ==
-          "steps: out of range (expected 0.125 to 64)");
+    CHECK_THAT(refused("b.sog", {.steps = steps}), Contains("--steps: out of range (expected 0.125 to 64, found "));
   }
-  for (const auto& [name, options] : {std::pair<std::string, ConvertOptions>{"quantize", {.quantize = true}},
-                                      {"meshopt", {.meshopt = true}},
-                                      {"steps", {.steps = 2.0f}}}) {
-    CHECK(messageOf([&] { convert(kSample, folder / "b.ply", options); }, ErrorKind::usage) ==
-          name + ": does nothing for .ply");
+  CHECK(refused("b.png", {.measure = true}) ==
+        "--psnr does nothing here: a .png is not read again, and no edit is compared");
+  CHECK_NOTHROW(convert(kSample, folder / "b.png", {.measure = true, .edits = {{"decimate", "100"}}}));
+}
+
+TEST_CASE("an option of a conversion that does nothing or has no such value is refused by its flag") {
+  const TemporaryFolder folder;
+  const auto refused = [&](const std::string& name, const ConvertOptions& options) {
+    return messageOf([&] { convert(kSample, folder / name, options); }, ErrorKind::usage);
+  };
+  const std::vector<Camera> views = {lookAt({0, 0, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, 40, 30)};
+  for (const auto& [flag, options] : {std::pair<std::string, ConvertOptions>{"--quantize", {.quantize = true}},
+                                      {"--meshopt", {.meshopt = true}},
+                                      {"--steps", {.steps = 2.0f}},
+                                      {"--target-size", {.target_size = 900}},
+                                      {"--target-psnr", {.target_psnr = 40}},
+                                      {"--texture-step", {.texture_step = 0.1f}},
+                                      {"--no-cameras", {.cameras = false}},
+                                      {"--views", {.views = views}},
+                                      {"--base-only", {.base_only = true}},
+                                      {"--lean", {.lean = true}},
+                                      {"--atlas", {.atlas = "webp"}},
+                                      {"--spz-version", {.spz_version = 4}},
+                                      {"--spz-axes", {.spz_axes = "rdf"}}}) {
+    CHECK_THAT(refused("a.ply", options), Contains(flag + " does nothing here: it is only for "));
   }
+  CHECK(refused("a.sog", {.cameras = false}) ==
+        "--no-cameras does nothing here: it is only for .tgz, lod-meta.json, .glb, .gltf or .html");
+  CHECK_THAT(refused("a.tgz", {.viewer = "three"}), Contains("--for does nothing here"));
+  CHECK(refused("a.glb", {.viewer_aim = "base"}) == "--for-aim does nothing here: it is only for --for");
+  CHECK_THAT(refused("a.glb", {.measure = true, .dry_run = true}), Contains("--psnr does nothing beside --dry-run"));
+  CHECK_THAT(refused("a.html", {.atlas = "exr"}), Contains("--atlas: a page reads no EXR"));
+  CHECK(refused("a.glb", {.steps = 2, .target_psnr = 40}) ==
+        "--steps, --target-size and --target-psnr exclude one another");
+  CHECK(refused("a.glb", {.target_size = 0}).find("--target-size: out of range (expected 1 to ") == 0);
+  CHECK(refused("a.glb", {.target_psnr = NAN}) == "--target-psnr: out of range (expected 1 to 100, found nan)");
+  CHECK(refused("a.sog", {.texture_step = 1}).find("--texture-step: out of range") == 0);
+  CHECK(refused("a.spz", {.spz_version = 5}) == "--spz-version: out of range (expected 3 to 4, found 5)");
+  CHECK_THAT(refused("a.glb", {.atlas = "png9"}), Contains("--atlas: ") && Contains("png8"));
+  CHECK_THAT(refused("a.glb", {.views = {Camera()}}), Contains("camera: "));
+  CHECK(std::filesystem::is_empty(folder.path));
+}
+
+TEST_CASE("the options of a conversion are those of tgconvert") {
+  const TemporaryFolder folder;
+  const std::string path = folder.path.string();
+  const auto converts = [&](const std::string& input, const std::string& name, const std::string& flags,
+                            const ConvertOptions& options) {
+    INFO(flags);
+    const ConvertReport report = convert(input, folder / ("a" + name), options);
+    program("tgconvert", input + " " + path + "/b" + name + " " + flags, folder);
+    CHECK(bytesOf(folder / ("a" + name)) == bytesOf(folder / ("b" + name)));
+    return report;
+  };
+  const ConvertReport sized = converts(kSample, ".sog", "--target-size 150000", {.target_size = 150000});
+  CHECK(sized.output_bytes <= 150000);
+  REQUIRE(sized.steps);
+  CHECK(*sized.steps > 1);
+  converts(kSample, ".glb", "--target-psnr 35 --no-cameras", {.target_psnr = 35, .cameras = false});
+  CHECK(Model::load(folder / "a.glb").cameras().empty());
+  converts(kSample, "_webp.glb", "--atlas webp --lean --steps 2 --texture-step 0.1",
+           {.steps = 2, .texture_step = 0.1f, .lean = true, .atlas = "webp"});
+  converts(path + "/a.glb", "_base.glb", "--base-only", {.base_only = true});
+  CHECK(Model::load(folder / "a_base.glb").textureMode() == TextureMode::none);
+  converts(kSample, ".spz", "--spz-version 3", {.spz_version = 3});
+  converts(path + "/a.spz", ".ply", "--spz-axes rdf", {.spz_axes = "rdf"});
+  converts(kSample, "_three.ply", "--for three --for-aim base --decimate 50",
+           {.edits = {{"decimate", "50"}}, .viewer = "three", .viewer_aim = "base"});
+  std::vector<Camera> views = {lookAt({0, 0, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, 40, 30)};
+  views[0].name = "front of all";
+  convert(kSample, folder / "views.glb", {.views = views});
+  CHECK(bytesOf(folder / "views.glb").find("front of all") != std::string::npos);
+  const ConvertReport dry = convert(kSample, folder / "dry.glb", {.views = views, .dry_run = true});
+  CHECK(dry.output_bytes == std::filesystem::file_size(folder / "views.glb"));
+  CHECK_FALSE(std::filesystem::exists(folder / "dry.glb"));
 }
 
 TEST_CASE("every example runs on what the one before it made") {

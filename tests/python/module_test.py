@@ -380,6 +380,23 @@ class Conversion(Folder):
         self.assertTrue(small.psnr is None)
         self.assertRegex(repr(small), r"<ConvertReport tgz \(\d+ bytes\) to ply \(\d+ bytes\), 100 Gaussians>")
         self.refused("usage", "shrink: no such edit", tg.convert, SAMPLE, self.folder / "c.ply", edits=[("shrink", "2")])
+        found = tg.convert(SAMPLE, self.folder / "small.sog", target_size=150000)
+        self.assertLessEqual(found.output_bytes, 150000)
+        self.assertGreater(found.steps, 1)
+        views = [tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 40, 30)]
+        for name, flags in {"a.spz": {"spz_version": 3},
+                            "b.glb": {"target_psnr": 35, "atlas": "webp", "lean": True, "cameras": False},
+                            "c.glb": {"views": views, "texture_step": 0.1, "steps": 2},
+                            "d.splat": {"viewer": "three", "viewer_aim": "base", "edits": [("decimate", "9")]}}.items():
+            self.assertGreater(tg.convert(SAMPLE, self.folder / name, **flags).output_bytes, 100, name)
+        base = [tg.convert(self.folder / "b.glb", self.folder / "base.glb", base_only=True, dry_run=dry).output_bytes
+                for dry in (True, False)]
+        self.assertEqual(base[0], base[1])
+        self.assertEqual(tg.Model.load(self.folder / "base.glb").texture_mode, "none")
+        self.assertEqual(len(tg.convert(self.folder / "a.spz", self.folder / "e.ply", spz_axes="rdf").warnings), 0)
+        self.refused("usage", "--target-size does nothing here", tg.convert, SAMPLE, self.folder / "c.ply",
+                     target_size=9)
+        self.refused("usage", "--psnr does nothing here", tg.convert, SAMPLE, self.folder / "a.png", measure=True)
 
 
 class Stubs(unittest.TestCase):
