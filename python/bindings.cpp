@@ -346,8 +346,15 @@ that it was trained on; intersection, where a ray meets a Gaussian: "plane" or "
 a textured Gaussian beyond +-3 sigma: "base", "clip" or "edge".)")
       .def_static("load", &Model::load, "path"_a, py::call_guard<py::gil_scoped_release>(),
                   "From any file that tgconvert reads (docs/formats.md), such as a .tgz, .glb, .ply or .spz.")
-      .def("save", &Model::save, "path"_a, py::call_guard<py::gil_scoped_release>(),
-           R"(In the format of the extension. A file that is there is replaced once the new one is complete.
+      .def(
+          "save",
+          [](const Model& model, const std::filesystem::path& path) {
+            return linesOf([&] {
+              const py::gil_scoped_release release;
+              return model.save(path);
+            }());
+          },
+          "path"_a, R"(In the format of the extension. A file that is there is replaced once the new one is complete.
 
 Returns what the format does not hold, a line each.)")
       .def("__len__", &Model::size)
@@ -405,7 +412,9 @@ Returns what the format does not hold, a line each.)")
           "background", [](const Model& model) { return py::tuple(py::cast(model.background())); },
           "RGB that it was trained against.")
       .def_property_readonly("cameras", &Model::cameras, "Of the photographs that it was trained on; may be empty.")
-      .def_property_readonly("warnings", &Model::warnings, "What reading repaired or passed over, a line each.");
+      .def_property_readonly(
+          "warnings", [](const Model& model) { return linesOf(model.warnings()); },
+          "What reading repaired or passed over, a line each.");
 }
 
 void bindRendering(py::module_& module) {
@@ -476,7 +485,7 @@ std::string decimals(double number, int digits) {
 std::string settingText(py::object value) {
   if (py::hasattr(value, "dtype") && py::hasattr(value, "item")) value = value.attr("item")();  // a number of NumPy's
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "on" : "off";
-  return py::str(value);
+  return fileNameFrom(py::str(value));
 }
 
 void bindTraining(py::module_& module) {
@@ -529,16 +538,16 @@ where the data set has no split; 0: none.)")
   py::class_<Trainer>(module, "Trainer",
                       "A training on the processor, with all threads. Calls of several threads wait for one another.")
       .def(py::init([](const Dataset& dataset, const std::string& preset,
-                       const std::optional<std::variant<std::string, Model>>& start, const py::kwargs& settings) {
+                       const std::optional<std::variant<py::str, Model>>& start, const py::kwargs& settings) {
              TrainOptions options{preset, {}};
              std::optional<Model> model;
              if (start && std::holds_alternative<Model>(*start)) {
                model = std::get<Model>(*start);
              } else if (start) {
-               options.settings["start"] = std::get<std::string>(*start);
+               options.settings["start"] = fileNameFrom(std::get<py::str>(*start));
              }
              for (const auto& [key, value] : settings) {
-               std::string name = py::str(key);
+               std::string name = fileNameFrom(py::str(key));
                std::ranges::replace(name, '_', '-');
                if (!options.settings.emplace(name, settingText(py::reinterpret_borrow<py::object>(value))).second) {
                  refuse(name + ": is given twice");
@@ -552,9 +561,11 @@ tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4)
 tgtrain's setting of this name, as "random".)")
       .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
            "One iteration; False: there was none left.")
-      .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()))
-      .def_property_readonly("warnings", &Trainer::warnings,
-                             "Settings that do nothing beside the others or after the start model, a line each.")
+      .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()),
+                             "A Progress: stage, iteration, loss and others, as of now.")
+      .def_property_readonly(
+          "warnings", [](const Trainer& trainer) { return linesOf(trainer.warnings()); },
+          "Settings that do nothing beside the others or after the start model, a line each.")
       .def("model", &Trainer::model, py::call_guard<py::gil_scoped_release>(),
            "As it stands, with the data set's cameras and background: a copy.");
 }
@@ -619,7 +630,9 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
       .def_readonly("gaussians", &ConvertReport::gaussians, "Written.")
       .def_readonly("steps", &ConvertReport::steps, "That were asked for, or found for a target; None without both.")
       .def_readonly("psnr", &ConvertReport::psnr, "[dB] of the file read back; None where it was not measured.")
-      .def_readonly("warnings", &ConvertReport::warnings, "What the format does not hold, a line each.");
+      .def_property_readonly(
+          "warnings", [](const ConvertReport& report) { return linesOf(report.warnings); },
+          "What the format does not hold, a line each.");
   module.def(
       "convert",
       [](const std::filesystem::path& input, const std::filesystem::path& output, bool overwrite, bool quantize,

@@ -136,6 +136,21 @@ class Models(Folder):
         self.assertTrue(any("texture" in line for line in model.save(self.folder / "a.ply")))
         self.assertTrue(issubclass(tg.Error, RuntimeError))
 
+    def test_names_that_are_no_utf8_are_told_and_taken_as_others(self):
+        name = os.fsdecode(b"n\xf6me")
+        model = tg.Model.load(SAMPLE)
+        model.save(self.folder / name / "lod-meta.json")
+        (self.folder / name / "0/cameras.json").write_text("{")
+        warned = tg.Model.load(self.folder / name / "lod-meta.json").warnings
+        self.assertTrue(any(name in line for line in warned), warned)
+        report = tg.convert(self.folder / name / "lod-meta.json", self.folder / "a.ply")
+        self.assertTrue(any(name in line for line in report.warnings), report.warnings)
+        model.save(self.folder / (name + ".tgz"))
+        other = str(self.folder / (name + ".tgz"))
+        both = tg.convert(SAMPLE, self.folder / "b.ply", edits=[("--merge", other)])
+        self.assertEqual(both.gaussians, 10000)
+        self.refused("usage", name, tg.convert, SAMPLE, self.folder / "c.ply", edits=[("scale", name)])
+
 
 class Raising:
     """Is no array."""
@@ -350,6 +365,13 @@ class Training(Folder):
         dataset = tg.Dataset.load(self.scene.name)
         self.refused("usage", "iteration: no such setting", tg.Trainer, dataset, iteration=3)
         self.refused("usage", "iterations", tg.Trainer, dataset, iterations="many")
+        name = os.fsdecode(b"n\xf6me")
+        self.refused("usage", name, tg.Trainer, dataset, iterations=name)
+        self.refused("usage", name, tg.Trainer, dataset, start=name)
+        self.refused("usage", name, tg.Trainer, dataset, **{name: 1})
+        self.assertEqual(tg.Trainer(dataset, **{"--iterations": 3}).progress.iterations, 3)
+        twice = {"sh_degree": 1, "sh-degree": 2}
+        self.refused("usage", "sh-degree: is given twice", tg.Trainer, dataset, **twice)
         self.refused("usage", "best", tg.Trainer, dataset, "best")
         self.refused("usage", "quantize-iterations", tg.Trainer, dataset, quantize_iterations=5)
         self.refused("cannot_read", "none", tg.Dataset.load, self.folder / "none")
