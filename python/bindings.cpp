@@ -178,7 +178,7 @@ void fill(std::array<double, kCount>& numbers, const py::object& given, const Sh
 
 Model makeModel(const ArrayLike& means, const ArrayLike& rotations, const ArrayLike& log_scales,
                 const ArrayLike& opacity_logits, const ArrayLike& sh, const std::string& texture_mode,
-                const std::optional<py::array>& texture_rects, const std::optional<ArrayLike>& texels,
+                const std::optional<ArrayLike>& texture_rects, const std::optional<ArrayLike>& texels,
                 const std::array<float, 3>& background, const std::vector<Camera>& cameras,
                 const std::string& intersection, const std::string& outside) {
   ModelData data;
@@ -526,7 +526,7 @@ where the data set has no split; 0: none.)")
       .def_readonly("iterations", &TrainProgress::iterations, "Of this stage.")
       .def_readonly("loss", &TrainProgress::loss, "Running mean over training photographs; 0 before the first.")
       .def_readonly("psnr", &TrainProgress::psnr, "Running mean over training photographs [dB]; 0 before the first.")
-      .def_readonly("gaussians", &TrainProgress::gaussians)
+      .def_readonly("gaussians", &TrainProgress::gaussians, "Of the model as it stands.")
       .def("__repr__",
            [](const TrainProgress& progress) {
              return "<Progress " + progress.stage + " " + std::to_string(progress.iteration) + " of " +
@@ -601,17 +601,22 @@ void bindEvaluation(py::module_& module) {
       });
   module.def(
       "evaluate",
-      [](const Model& model, const Dataset& dataset, const std::string& split, bool flip, const std::string& textures) {
-        const auto stopIfAsked = [](std::size_t, std::size_t) {
+      [](const Model& model, const Dataset& dataset, const std::string& split, bool flip, const std::string& textures,
+         const std::optional<py::function>& progress) {
+        const auto tell = [&](std::size_t done, std::size_t photographs) {
           const py::gil_scoped_acquire acquire;
           if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+          if (progress) (*progress)(done, photographs);
         };
-        const EvaluateOptions options{kSplits.parse(split), flip, kModes.parse(textures), stopIfAsked};
+        const EvaluateOptions options{kSplits.parse(split), flip, kModes.parse(textures), tell};
         const py::gil_scoped_release release;
         return evaluate(model, dataset, options);
       },
       "model"_a, "dataset"_a, py::kw_only(), "split"_a = "test", "flip"_a = false, "textures"_a = "rgba",
+      "progress"_a = py::none(),
       R"(PSNR, SSIM and, where asked for, FLIP of the photographs of a split: "test", "train" or "all".
+
+progress: called as progress(done, photographs) after every one, on this thread; what it raises ends the evaluation.
 
 As tgeval does it, the same numbers: over the background that the data set was loaded with, where one was asked for,
 else the model's, where it is known, as of a .tgz and of what has cameras, else the data set's.)");
@@ -623,10 +628,10 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
                     " bytes) to " + report.output_format + " (" + std::to_string(report.output_bytes) + " bytes), " +
                     std::to_string(report.gaussians) + " Gaussians>";
            })
-      .def_readonly("input_format", &ConvertReport::input_format)
-      .def_readonly("output_format", &ConvertReport::output_format)
-      .def_readonly("input_bytes", &ConvertReport::input_bytes)
-      .def_readonly("output_bytes", &ConvertReport::output_bytes)
+      .def_readonly("input_format", &ConvertReport::input_format, "By its name in docs/formats.md, as \"tgz\".")
+      .def_readonly("output_format", &ConvertReport::output_format, "Likewise.")
+      .def_readonly("input_bytes", &ConvertReport::input_bytes, "In all files of the model.")
+      .def_readonly("output_bytes", &ConvertReport::output_bytes, "Likewise.")
       .def_readonly("gaussians", &ConvertReport::gaussians, "Written.")
       .def_readonly("steps", &ConvertReport::steps, "That were asked for, or found for a target; None without both.")
       .def_readonly("psnr", &ConvertReport::psnr, "[dB] of the file read back; None where it was not measured.")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # The types of the module; what each function does, with shapes and units, is in its docstring.
 import os
-from typing import List, Literal, NoReturn, Optional, Sequence, Tuple, Union
+from typing import Callable, List, Literal, NoReturn, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -89,7 +89,7 @@ class Model:
         sh: npt.ArrayLike,
         *,
         texture_mode: _TextureMode = ...,
-        texture_rects: Optional[npt.NDArray[np.integer]] = ...,
+        texture_rects: Optional[npt.ArrayLike] = ...,
         texels: Optional[npt.ArrayLike] = ...,
         background: _Color = ...,
         cameras: Sequence[Camera] = ...,
@@ -227,6 +227,7 @@ def evaluate(
     split: _Split = ...,
     flip: bool = ...,
     textures: _TextureMode = ...,
+    progress: Optional[Callable[[int, int], object]] = ...,
 ) -> Evaluation: ...
 
 class ConvertReport:

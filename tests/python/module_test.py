@@ -123,6 +123,9 @@ class Models(Folder):
             tg.Model(**(good | {"means": Raising(ValueError)}))
         plain = tg.Model(**{name: np.asarray(value, "i8") for name, value in good.items()})
         self.assertEqual(plain.texture_rects.shape, (0, 3))
+        lists = {name: np.asarray(value).tolist() for name, value in good.items()}
+        textured = tg.Model(**lists, texture_mode="rgba", texture_rects=[[0, 1, 1], [0, 0, 0]], texels=[[0, 0, 0, 1]])
+        self.assertEqual(textured.texture_rects.tolist(), [[0, 1, 1], [0, 0, 0]])
         self.assertEqual(len(tg.Model(**good, texture_rects=plain.texture_rects, texels=plain.texels)), 2)
 
     def test_files_that_are_none_are_refused_with_their_kind(self):
@@ -320,6 +323,11 @@ class Training(Folder):
         found = tg.evaluate(model, tg.Dataset.load(self.scene.name))
         self.assertEqual((found.background, found.warnings), ((0, 0, 0), []))
         self.assertEqual(found.mean.psnr, tg.evaluate(model, black).mean.psnr)
+        told = []
+        tg.evaluate(model, black, split="train", progress=lambda done, of: told.append((done, of)))
+        self.assertEqual(told, [(done, 6) for done in range(1, 7)])
+        with self.assertRaises(ZeroDivisionError):
+            tg.evaluate(model, black, progress=lambda done, of: done // 0)
         self.assertIn("none of its 72 cameras", tg.evaluate(tg.Model.load(SAMPLE), black).warnings[0])
 
     def test_a_data_set_tells_what_it_was_read_without(self):
@@ -437,6 +445,10 @@ class Stubs(unittest.TestCase):
                 self.check_arguments(name, node, real)
                 continue
             members = {each.name: each for each in node.body if isinstance(each, ast.FunctionDef)}
+            for member in members:
+                text = inspect.getdoc(getattr(real, member)) or ""
+                if not member.startswith("_"):  # beyond what pybind11 says of any
+                    self.assertTrue([line for line in text.splitlines() if line and "->" not in line], name + member)
             values = {each.target.id for each in node.body if isinstance(each, ast.AnnAssign)}
             own = {each for each in vars(real) if not each.startswith("_")}
             self.assertEqual({each for each in members if not each.startswith("_")} | values, own, name)
