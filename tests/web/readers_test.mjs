@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The package's readers without a browser: a file as it is, and spoilt: `node readers_test.mjs FILE.glb`. What cannot
-// be read is refused with a sentence, never by a slip of the reader's own. Pixels of WebP: tests/web/webp_test.mjs.
+// be read is refused with a sentence, never by a slip of the reader's own. The element is imported where there are no
+// elements, as a server does. Pixels of WebP: tests/web/webp_test.mjs.
 import {readFileSync} from 'node:fs';
 import {cameraOf, matricesOf, readModel} from '../../web/src/index.js';
 import {unpackMeshopt} from '../../web/src/meshopt.js';
@@ -484,5 +485,19 @@ for (const [bytes, words] of [
   const told = await toldOf(readModel(bytes));
   expect('what is no model', told.includes(words), told);
 }
+const padded = new Uint8Array(original.length + 8);
+padded.set(original, 4);
+for (const same of [original.slice().buffer, new DataView(padded.buffer, 4, original.length)]) {
+  const told = await readModel(same).then(({count}) => `${count}`, (error) => error.message);
+  expect('the bytes of a buffer', told === `${model.count}`, told);
+}
+const others = [[null, 'null'], ['scene.glb', 'a string'], [[1, 2], 'an Array'], [undefined, 'undefined']];
+for (const [other, found] of others) {
+  const error = await readModel(other).catch((thrown) => thrown);
+  expect('what are no bytes', error instanceof TypeError &&
+    error.message === `readModel takes a Uint8Array or an ArrayBuffer (found ${found})`, error.message);
+}
+const imported = await import('../../web/src/element.js').catch((error) => error);
+expect('the element without elements', typeof imported.TexturedGaussiansElement === 'function', imported.message);
 console.log(failures.join('\n') || `${read} spoilt copies read, ${refused} refused`);
 process.exit(failures.length > 0 ? 1 : 0);

@@ -27,7 +27,8 @@ function makeRoom() {
   (awake.find((element) => !element.inView) || awake[0]).sleep();
 }
 
-export class TexturedGaussiansElement extends HTMLElement {
+// Imported on a server, which has no elements, it is a class of no use, and no error.
+export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object) {
   static get observedAttributes() { return ['src', 'alt', ...SETTINGS]; }
 
   constructor() {
@@ -223,4 +224,6 @@ export class TexturedGaussiansElement extends HTMLElement {
   }
 }
 
-if (!customElements.get('textured-gaussians')) customElements.define('textured-gaussians', TexturedGaussiansElement);
+if (globalThis.customElements && !customElements.get('textured-gaussians')) {
+  customElements.define('textured-gaussians', TexturedGaussiansElement);
+}

@@ -85,7 +85,7 @@ export interface Settings {
 
 export function fetchBytes(url: string, options?: FetchOptions): Promise<Uint8Array>;
 /** Of a GLB or a SOG file. */
-export function readModel(bytes: Uint8Array): Promise<Model>;
+export function readModel(bytes: ArrayBuffer | ArrayBufferView): Promise<Model>;
 /** Of a GLB or a SOG file, or of a lod-meta.json, once its coarsest levels are there. */
 export function loadModel(url: string, options?: LoadOptions): Promise<Model>;
 

@@ -6,8 +6,19 @@ import {isLodMeta} from './lod.js';
 import {readSog} from './sog.js';
 import {readLod} from './streamed.js';
 
-// The model in a GLB or a SOG file, in slices that leave the page its thread.
-export async function readModel(bytes) {
+function bytesOf(data) {
+  if (data instanceof Uint8Array) return data;
+  if (data instanceof ArrayBuffer) return new Uint8Array(data);
+  if (ArrayBuffer.isView(data)) return new Uint8Array(data.buffer, data.byteOffset, data.byteLength);
+  const found = data === null || data === undefined ? `${data}` :
+    typeof data === 'object' ? `an ${data.constructor ? data.constructor.name : 'object'}` : `a ${typeof data}`;
+  throw new TypeError(`readModel takes a Uint8Array or an ArrayBuffer (found ${found})`);
+}
+
+// The model in a GLB or a SOG file, in slices that leave the page its thread. data: a Uint8Array, an ArrayBuffer or
+// another view of one.
+export async function readModel(data) {
+  const bytes = bytesOf(data);
   const magic = bytes.length < 4 ? 0 : new DataView(bytes.buffer, bytes.byteOffset, 4).getUint32(0);
   if (magic === 0x676C5446) return readGlb(bytes);
   if (magic === 0x504B0304) return readSog(bytes);
