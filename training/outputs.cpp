@@ -76,7 +76,14 @@ template <typename Write>
 void TrainingOutputs::writeOutput(const std::string& path, const Write& write) {
   const bool was_own = run_ && run_->owns(path), replace = options_.overwrite || was_own;
   std::error_code ignored;
-  if (run_ && (replace || !fs::exists(path, ignored))) run_->setOwn(path, true);
+  if (run_ && (replace || !fs::exists(path, ignored))) {
+    try {
+      run_->setOwn(path, true);
+    } catch (const Error&) {
+      if (!unfinished_) throw;
+      owned_ = false;
+    }
+  }
   bool wrote = false;
   try {
     wrote = write(replace);
@@ -98,7 +105,7 @@ std::string TrainingOutputs::save(const std::string& path, GaussianModel model, 
                                   const TrainReport& report, SceneSize size) {
   Bundle bundle = makeTrainedBundle(dataset_, settings, report, std::move(model), json_);
   std::string training_json = bundle.training_json;
-  const std::string kept = run_ && path == options_.output ? run_->model().string() : "";
+  const std::string kept = run_ && !unfinished_ && path == options_.output ? run_->model().string() : "";
   writeOutput(path, [&](bool replace) {
     try {
       const std::string facts = writeScene(path, std::move(bundle), replace, kept, options_.quiet, size);
@@ -115,25 +122,56 @@ std::string TrainingOutputs::save(const std::string& path, GaussianModel model, 
   return training_json;
 }
 
+// Returns the model's training.json, or "" where it is unfinished_.
+std::string TrainingOutputs::finishRun(const Trainer& trainer) {
+  try {
+    return run_->finish(trainer);
+  } catch (const Error& error) {
+    if (error.kind != ErrorKind::cannotWrite) throw;
+    unfinished_ = error;
+    return "";
+  }
+}
+
+// By which the run goes on.
+std::string TrainingOutputs::sameCommand() const {
+  std::string flags = options_.goes_on ? "" : " --resume";
+  if (!owned_) flags += " --overwrite";
+  return "the same command" + (flags.empty() ? flags : " with" + flags);
+}
+
+Error TrainingOutputs::whyUnfinished() const {
+  std::string why = unfinished_->what();
+  const std::string& last = run_->lastCheckpoint();
+  if (!last.empty()) why += "; the last checkpoint is of " + last + ", from which " + sameCommand() + " goes on";
+  return {unfinished_->kind, why};
+}
+
 void TrainingOutputs::write(const Trainer& trainer, TrainResult result, TrainingJsonOptions json) {
   json_ = std::move(json);
   const SceneSize size{options_.target_bytes, options_.steps > 0 ? options_.steps : trainer.fileSteps()};
   std::string training_json;
   if (run_) {
-    training_json = run_->finish(trainer);
+    training_json = finishRun(trainer);
     json_.total_seconds = run_->seconds();
-    if (!options_.output.empty() && outputFormat(options_.output).name == "tgz") {
-      writeOutput(options_.output, [&](bool replace) {
-        writeAfterTraining(
-            options_.output, replace, [&] { copyFileAtomically(run_->model(), options_.output); },
-            [&] { return run_->model().string(); });
-        return true;
-      });
-    } else if (!options_.output.empty()) {
-      save(options_.output, std::move(result.model), settings_, result.report, size);
+  }
+  std::optional<Error> unfinished;
+  if (options_.output.empty()) {
+    if (unfinished_) {
+      const Bundle bundle = makeTrainedBundle(dataset_, settings_, result.report, std::move(result.model), json_);
+      training_json = bundle.training_json;
+      unfinished = keepModel(run_->model().string(), bundle, whyUnfinished());
     }
+  } else if (run_ && !unfinished_ && outputFormat(options_.output).name == "tgz") {
+    writeOutput(options_.output, [&](bool replace) {
+      writeAfterTraining(
+          options_.output, replace, [&] { copyFileAtomically(run_->model(), options_.output); },
+          [&] { return run_->model().string(); });
+      return true;
+    });
   } else {
-    training_json = save(options_.output, std::move(result.model), settings_, result.report, size);
+    const std::string saved = save(options_.output, std::move(result.model), settings_, result.report, size);
+    if (training_json.empty()) training_json = saved;
   }
   untextured_ = !options_.untextured_output.empty() && result.untextured;
   if (untextured_) {
@@ -154,6 +192,11 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
       return true;
     });
   }
+  if (unfinished) throw *unfinished;
+  if (unfinished_) {
+    const Error why = whyUnfinished();
+    throw Error(why.kind, why.what() + (too_large_ ? "" : " (the model is kept as " + options_.output + ")"));
+  }
 }
 
 void TrainingOutputs::say(const TrainReport& report) const {
@@ -167,8 +210,7 @@ void TrainingOutputs::say(const TrainReport& report) const {
   }
   if (untextured_) std::printf("wrote %s, without textures\n", options_.untextured_output.c_str());
   if (run_ && report.interrupted) {
-    std::printf("the same command%s goes on from %s\n", options_.goes_on ? "" : " with --resume",
-                run_->checkpoint().c_str());
+    std::printf("%s goes on from %s\n", sameCommand().c_str(), run_->checkpoint().c_str());
   }
   std::fflush(stdout);
 }

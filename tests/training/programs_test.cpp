@@ -307,6 +307,39 @@ TEST_CASE("a model that finds no room is kept where temporary files have some", 
   }
 }
 
+TEST_CASE("a run whose last checkpoint finds no room leaves its model and says how to go on", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  fs::create_directory(folder / "disk");
+  fs::create_directory(folder / "other");
+  // Room for checkpoints of stage plain, not for texels with their moments.
+  const std::string mount = "mount -t tmpfs -o size=400k none disk";
+  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  const std::string train = "\"" TG_TGTRAIN "\" scene --run disk/run --gaussians 100 --texture-size 16" + kShort;
+  const auto inRoom = [&](const std::string& commands) {
+    return run(folder, "TMPDIR=$PWD/other unshare -rm sh -c '" + mount + " && " + commands + "'");
+  };
+  const std::string why = "disk/run/checkpoint: cannot write: No space left on device";
+  const std::string last =
+      "; the last checkpoint is of plain 6/6, from which the same command with --resume goes on "
+      "(the model is kept as ";
+
+  const Outcome named = inRoom(train + " -o model.tgz --json run.json");
+  INFO(named.output);
+  CHECK(named.code == 4);
+  CHECK_THAT(named.output, Contains(why + " (training goes on; the last checkpoint is of plain 6/6)\n") &&
+                               Contains(why + last + "model.tgz)\n"));
+  CHECK(tg::readBundle(folder / "model.tgz").model.texture_mode == tg::TextureMode::rgba);
+  CHECK(fs::exists(folder / "run.json"));
+
+  const Outcome unnamed = inRoom(train + "; head -c 300000 /dev/zero >disk/fill; " + train + " --resume; mount -o " +
+                                 "remount,size=8m disk; " + train + " --resume -o resumed.tgz");
+  INFO(unnamed.output);
+  CHECK(unnamed.code == 0);
+  CHECK_THAT(unnamed.output, Contains(why + last + "disk/run/model-2.tgz)\n"));
+  CHECK(tg::readBundle(folder / "resumed.tgz").model.texture_mode == tg::TextureMode::rgba);
+}
+
 TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on the CPU", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

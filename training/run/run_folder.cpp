@@ -130,6 +130,10 @@ std::string previewName(Stage stage, int iteration) {
   return std::string(name(stage)) + "_" + digits + ".png";
 }
 
+std::string momentText(Stage stage, int iteration, int iterations) {
+  return std::string(name(stage)) + " " + std::to_string(iteration) + "/" + std::to_string(iterations);
+}
+
 bool isPreviewName(const std::string& file) {
   for (const Stage stage : valuesOf<Stage>()) {
     const std::string model = previewName(stage, 0);
@@ -247,6 +251,8 @@ std::optional<RunState> RunFolder::begin(const RunInputs& inputs) {
   Checkpoint found = readCheckpoint(checkpoint());
   checkResumable(found, identity_, inputs.dataset, inputs.settings, checkpoint().string());
   earlier_seconds_ = found.header.seconds;
+  last_checkpoint_ =
+      momentText(found.state.stage, found.state.iteration, iterationsOf(inputs.settings, found.state.stage));
   log_.resume(found.state.stage, found.state.finished);
   openMetrics(found.header.metrics_bytes);
   return std::move(found.state);
@@ -308,6 +314,8 @@ std::string RunFolder::save(const Trainer& trainer) {
   const Clock::time_point start = Clock::now();
   ::fdatasync(metrics_);
   writeCheckpoint(checkpoint(), {identity_, seconds(), metrics_bytes_}, trainer.state());
+  const TrainProgress progress = trainer.progress();
+  last_checkpoint_ = momentText(progress.stage, progress.iteration, progress.iterations);
   TrainResult result = trainer.result();
   result.untextured.reset();
   json_.total_seconds = seconds();
@@ -320,6 +328,7 @@ std::string RunFolder::save(const Trainer& trainer) {
       options_.checkpoint_seconds > 0 ? std::max(options_.checkpoint_seconds, cost / kLargestShare) : 0;
   next_save_ = end + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(pause));
   saved_ = true;
+  unsaved_ = false;
   return bundle.training_json;
 }
 
@@ -328,19 +337,23 @@ void RunFolder::afterStep(const Trainer& trainer) {
   log_.afterStep(trainer, seconds(), [this](const RunMetrics& line) { writeMetrics(line); });
   const TrainProgress progress = trainer.progress();
   const bool last = progress.iteration == progress.iterations;
-  const auto wentWrong = [this](const Error& error) {
+  const auto requireSaved = [this](const Error& error) {
     if (!saved_ || error.kind != ErrorKind::cannotWrite) throw;
-    std::fprintf(stderr, "tgtrain: %s (training goes on)\n", error.what());
   };
   try {
     if (options_.preview_every > 0 && progress.iteration % options_.preview_every == 0) writePreview(trainer);
   } catch (const Error& error) {
-    wentWrong(error);
+    requireSaved(error);
+    std::fprintf(stderr, "tgtrain: %s (training goes on)\n", error.what());
   }
   try {
     if (!saved_ || last || Clock::now() >= next_save_) save(trainer);
   } catch (const Error& error) {
-    wentWrong(error);
+    requireSaved(error);
+    if (!std::exchange(unsaved_, true)) {
+      std::fprintf(stderr, "tgtrain: %s (training goes on; the last checkpoint is of %s)\n", error.what(),
+                   last_checkpoint_.c_str());
+    }
     next_save_ = Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                     std::chrono::duration<double>(options_.checkpoint_seconds));
   }

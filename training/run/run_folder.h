@@ -62,10 +62,13 @@ class RunFolder {
   std::optional<RunState> begin(const RunInputs& inputs);
   // Metrics, previews, and a checkpoint where one is due: after the first step, at the end of each stage, and every
   // checkpoint_seconds, but so that at most a twentieth of the time goes into them. A checkpoint that cannot be written
-  // is reported on stderr and tried again later; the first one throws Error(cannotWrite).
+  // is reported on stderr, once until there is one again, and tried again later; the first one throws
+  // Error(cannotWrite).
   void afterStep(const Trainer& trainer);
   // The last checkpoint and model, finished or not. Returns the model's training.json. Throws Error(cannotWrite).
   std::string finish(const Trainer& trainer);
+  // What the run goes on from: "plain 812/1500", or "" without a checkpoint.
+  const std::string& lastCheckpoint() const { return last_checkpoint_; }
 
   // Whether ownershipOf() says so of a run that goes on.
   bool owns(const std::filesystem::path& file) const;
@@ -104,7 +107,9 @@ class RunFolder {
   bool metrics_lost_ = false;  // the last line could not be written
   MetricsLog log_;
   MetricsLog::Sink told_;
-  bool saved_ = false;  // in this session
+  bool saved_ = false;    // in this session
+  bool unsaved_ = false;  // the last checkpoint could not be written
+  std::string last_checkpoint_;
   Clock::time_point next_save_{};
 };
 
