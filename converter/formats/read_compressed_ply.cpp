@@ -22,37 +22,37 @@ namespace {
 constexpr std::uint64_t kMaxCompressedPlyBytes =
     kMaxGaussians * (4 * 4 + 45 + 1);  // a splat, its SH, its part of a chunk
 
-// What the splats of a chunk are interpolated between.
+// What the splats of a chunk are interpolated between, rounded once: far from the origin a float's step shows.
 struct Bounds {
   glm::vec3 low{0.0f};
   glm::vec3 high{1.0f};
-  glm::vec3 at(glm::vec3 t) const { return low * (1.0f - t) + high * t; }
+  glm::vec3 at(glm::dvec3 t) const { return glm::dvec3(low) * (1.0 - t) + glm::dvec3(high) * t; }
 };
 struct Chunk {
   Bounds position, log_scale, color;
 };
 
-float unorm(std::uint32_t value, int shift, int bits) {
+double unorm(std::uint32_t value, int shift, int bits) {
   const std::uint32_t mask = (1u << bits) - 1;
-  return static_cast<float>(value >> shift & mask) / static_cast<float>(mask);
+  return (value >> shift & mask) / static_cast<double>(mask);
 }
 
-glm::vec3 unpack111011(std::uint32_t value) {
+glm::dvec3 unpack111011(std::uint32_t value) {
   return {unorm(value, 21, 11), unorm(value, 11, 10), unorm(value, 0, 11)};
 }
 
 // The three smaller components in 10 bits each, the largest one's index in the top two; index 0 is w.
 glm::vec4 unpackRotation(std::uint32_t value) {
   const int largest = static_cast<int>(value >> 30);
-  glm::vec4 q(0.0f);
-  float rest = 1.0f;
+  glm::dvec4 q(0.0);
+  double rest = 1.0;
   for (int k = 0, shift = 20; k < 4; ++k) {
     if (k == largest) continue;
-    q[k] = (unorm(value, shift, 10) - 0.5f) * std::sqrt(2.0f);
+    q[k] = (unorm(value, shift, 10) - 0.5) * std::sqrt(2.0);
     rest -= q[k] * q[k];
     shift -= 10;
   }
-  q[largest] = std::sqrt(std::max(rest, 0.0f));
+  q[largest] = std::sqrt(std::max(rest, 0.0));
   return q;
 }
 
@@ -116,7 +116,7 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
   for (std::size_t i = 0; i < n; ++i) {
     const Chunk& chunk = bounds[i / kCompressedPlyChunk];
     const std::uint32_t rgba = splats.word(i, color);
-    const glm::vec3 rgb(unorm(rgba, 24, 8), unorm(rgba, 16, 8), unorm(rgba, 8, 8));
+    const glm::dvec3 rgb(unorm(rgba, 24, 8), unorm(rgba, 16, 8), unorm(rgba, 8, 8));
     model.mean[i] = chunk.position.at(unpack111011(splats.word(i, position)));
     model.log_scale[i] = chunk.log_scale.at(unpack111011(splats.word(i, scale)));
     model.rotation[i] = unpackRotation(splats.word(i, rotation));

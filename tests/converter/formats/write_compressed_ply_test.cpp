@@ -71,6 +71,19 @@ TEST_CASE("a model comes back from compressed PLY within the steps of its chunks
   }
 }
 
+TEST_CASE("compressed PLY far from the origin comes back within half a step of its chunk and of a float") {
+  GaussianModel model = randomSplats(0, 600, 20.0, 96);
+  for (glm::vec3& mean : model.mean) mean += 1e5f;
+  CompressedPlyReport report;
+  const GaussianModel out = parse(formatCompressedPly(model, report));
+  const GaussianModel in = select(model, report.order);
+  const double half_float = 0.5 / 128;  // of those from 65536 to 131072
+  for (std::size_t i = 0; i < in.size(); ++i) {
+    const glm::dvec3 range = rangeOf(in.mean, i / 256 * 256);
+    checkWithin(in.mean[i], out.mean[i], 0.5 / glm::dvec3(2047, 1023, 2047) * range + half_float + 1e-9);
+  }
+}
+
 TEST_CASE("compressed PLY: every Gaussian is there once, neighbours in one chunk, the same bytes each time") {
   const GaussianModel model = randomSplats(1, 2048, 10.0, 94);
   CompressedPlyReport report, again;
