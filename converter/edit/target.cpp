@@ -36,7 +36,14 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
     writeModel(format, file, source, options, written);
   } catch (const Error& error) {
     std::string said = error.what();
-    if (file == name || !said.starts_with(file.string())) throw;
+    const std::string folder = file.parent_path().string();
+    if (file == name || !said.starts_with(folder)) throw;
+    if (error.kind == ErrorKind::cannotWrite) {
+      const std::size_t path = said.find(": ", folder.size());
+      throw Error(error.kind, file.parent_path().parent_path().string(),
+                  said.substr(path + 2) + " (a trial of " + name.filename().string() + ", in the temporary folder)");
+    }
+    if (!said.starts_with(file.string())) throw;
     throw Error(error.kind, said.replace(0, file.string().size(), name.string()));
   }
 }

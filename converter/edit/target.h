@@ -16,7 +16,8 @@ struct Target {
   bool given() const { return bytes > 0 || psnr > 0; }
 };
 
-// writeModel() to a temporary `file` on the way to `name`, which is what errors say.
+// writeModel() to `file` in a ScratchFolder on the way to `name`, or to that itself. Errors name `name`, but where the
+// trial cannot be written the folder for temporary files.
 void writeTrial(const Format& format, const std::filesystem::path& file, const std::filesystem::path& name,
                 const Bundle& source, const WriteOptions& options, Written& written);
 

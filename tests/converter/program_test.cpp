@@ -552,6 +552,25 @@ TEST_CASE("a disk that is full keeps the files of a .gltf and of pictures as the
   }
 }
 
+TEST_CASE("a trial that finds no room is told of the folder for temporary files") {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = test::makeScene(test::SceneKind::ordinary, 48, 2000).model;
+  writeBundle(scratch.folder() / "in.tgz", bundle);
+  const std::filesystem::path place = scratch.folder() / "temporary";
+  std::filesystem::create_directory(place);
+  for (const std::string arguments :
+       {"a.sog --target-size 60KB", "a.html --target-psnr 30", "a.gltf --target-size 60KB", "a.ply --dry-run"}) {
+    CAPTURE(arguments);
+    const Result result =
+        tgconvert(scratch, "in.tgz " + arguments, "export TMPDIR='" + place.string() + "'; ulimit -f 8; ");
+    CHECK(result.code == 4);
+    const std::string output = arguments.substr(0, arguments.find(' '));
+    CHECK_THAT(result.err, Catch::Matchers::StartsWith("tgconvert: " + place.string() + ": ") &&
+                               Catch::Matchers::EndsWith(" (a trial of " + output + ", in the temporary folder)\n"));
+  }
+}
+
 TEST_CASE("files beside a .gltf or a picture are replaced by --overwrite only") {
   const Scratch scratch;
   Bundle bundle;
