@@ -340,6 +340,28 @@ TEST_CASE("a run whose last checkpoint finds no room leaves its model and says h
   CHECK(tg::readBundle(folder / "resumed.tgz").model.texture_mode == tg::TextureMode::rgba);
 }
 
+TEST_CASE("what was begun and finds no room leaves nothing that the same command is refused for", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  fs::create_directory(folder / "there");
+  const std::string runs = kShort + " --preview-every 1 --run ";
+  const std::string sample = kSample.substr(kSample.find(" --"));
+  const std::vector<std::string> commands = {"scene" + runs + "new",     "undistort scene new",
+                                             "make-sample new" + sample, "scene" + runs + "there",
+                                             "undistort scene there",    "make-sample there" + sample};
+  for (const std::string& command : commands) {
+    CAPTURE(command);
+    for (int time = 0; time < 2; ++time) {
+      const Outcome full = run(folder, "(ulimit -f 4; '" TG_TGTRAIN "' " + command + ")");
+      INFO(full.output);
+      CHECK(full.code == 4);
+      CHECK_THAT(full.output, Contains("File too large"));
+      CHECK_FALSE(fs::exists(folder / "new"));
+      CHECK(fs::is_empty(folder / "there"));
+    }
+  }
+}
+
 TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on the CPU", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

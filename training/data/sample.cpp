@@ -458,19 +458,10 @@ PointCloud samplePoints(const SampleOptions& options) {
   return points;
 }
 
-void writeSample(const fs::path& folder, const SampleOptions& options, bool overwrite) {
-  checkOptions(options);
+namespace {
+
+void writeSampleFiles(const fs::path& folder, const SampleOptions& options) {
   std::error_code ignored;
-  for (const char* file : {"sparse", "transforms.json"}) {
-    if (!fs::exists(folder / file, ignored)) continue;
-    throw Error(ErrorKind::cannotWrite, folder.string(),
-                std::string("holds ") + file + ", which this would not replace (expected another folder)");
-  }
-  for (const char* file : {"transforms_train.json", "transforms_test.json", "train", "test", "points3d.ply"}) {
-    if (overwrite || !fs::exists(folder / file, ignored)) continue;
-    throw Error(ErrorKind::cannotWrite, folder.string(),
-                std::string("holds ") + file + " already (add --overwrite to replace it)");
-  }
   fs::remove(folder / "transforms_train.json", ignored);  // it comes last, and makes the folder a data set
   std::string written[2];
   for (const bool test : {false, true}) {
@@ -492,6 +483,29 @@ void writeSample(const fs::path& folder, const SampleOptions& options, bool over
   writePoints(folder / "points3d.ply", samplePoints(options));
   writeTextAtomically(folder / "transforms_test.json", written[1]);
   writeTextAtomically(folder / "transforms_train.json", written[0]);
+}
+
+}  // namespace
+
+void writeSample(const fs::path& folder, const SampleOptions& options, bool overwrite) {
+  checkOptions(options);
+  std::error_code ignored;
+  for (const char* file : {"sparse", "transforms.json"}) {
+    if (!fs::exists(folder / file, ignored)) continue;
+    throw Error(ErrorKind::cannotWrite, folder.string(),
+                std::string("holds ") + file + ", which this would not replace (expected another folder)");
+  }
+  constexpr const char* kOwn[] = {"transforms_train.json", "transforms_test.json", "train", "test", "points3d.ply"};
+  for (const char* file : kOwn) {
+    if (overwrite || !fs::exists(folder / file, ignored)) continue;
+    throw Error(ErrorKind::cannotWrite, folder.string(),
+                std::string("holds ") + file + " already (add --overwrite to replace it)");
+  }
+  if (overwrite) {
+    writeSampleFiles(folder, options);
+  } else {
+    writeAllOrNone(folder, kOwn, [&] { writeSampleFiles(folder, options); });
+  }
 }
 
 }  // namespace tg

@@ -27,7 +27,7 @@ PointCloud samplePoints(const SampleOptions& options);
 
 // The NeRF-synthetic layout: transforms_train.json, transforms_test.json, train/r_*.png, test/r_*.png, and
 // points3d.ply. Same options, same bytes. Throws Error(usage) for options out of range, Error(cannotWrite) when
-// `folder` holds a data set already and `overwrite` is not set.
+// `folder` holds a data set already and `overwrite` is not set. Without that it is then as it was.
 void writeSample(const std::filesystem::path& folder, const SampleOptions& options, bool overwrite);
 
 }  // namespace tg

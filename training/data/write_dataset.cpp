@@ -119,24 +119,22 @@ void writePoints(const fs::path& path, const PointCloud& points) {
   writeTextAtomically(path, text);
 }
 
-void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite) {
-  refuseSources(folder, dataset);
-  for (const char* file : {"transforms_train.json", "sparse"}) {  // which would be read in place of what is written
-    std::error_code ignored;
-    if (!overwrite || !fs::exists(folder / file, ignored)) continue;
-    throw Error(ErrorKind::cannotWrite, folder.string(),
-                std::string("holds ") + file + ", which this would not replace (expected another folder)");
+void writeAllOrNone(const fs::path& folder, std::span<const char* const> names, const std::function<void()>& write) {
+  std::error_code ignored;
+  const bool was_there = fs::exists(folder, ignored);
+  try {
+    write();
+  } catch (...) {
+    for (const char* name : names) fs::remove_all(folder / name, ignored);
+    if (!was_there) fs::remove(folder, ignored);
+    throw;
   }
-  if (!overwrite) {
-    for (const char* file : {"transforms.json", "transforms_train.json", "sparse", "images", "masks", "points3d.ply"}) {
-      std::error_code ignored;  // what nobody may look into cannot be written either, which says so below
-      if (!fs::exists(folder / file, ignored)) continue;
-      throw Error(ErrorKind::cannotWrite, folder.string(),
-                  std::string("holds ") + file + " already (add --overwrite to replace it)");
-    }
-  }
-  const std::vector<std::string> names = fileNames(dataset);
-  for (const std::string& name : names) requireUtf8(name, "transforms.json");
+}
+
+namespace {
+
+// With photographs of these names.
+void writeDatasetFiles(const fs::path& folder, const Dataset& dataset, const std::vector<std::string>& names) {
   nlohmann::json frames = nlohmann::json::array(), train = nlohmann::json::array(), test = nlohmann::json::array();
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Camera& camera = dataset.views[i];
@@ -173,6 +171,34 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
     fs::remove(folder / "points3d.ply", ignored);
   }
   writeTextAtomically(folder / "transforms.json", json.dump(1) + "\n");
+}
+
+}  // namespace
+
+void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite) {
+  refuseSources(folder, dataset);
+  for (const char* file : {"transforms_train.json", "sparse"}) {  // which would be read in place of what is written
+    std::error_code ignored;
+    if (!overwrite || !fs::exists(folder / file, ignored)) continue;
+    throw Error(ErrorKind::cannotWrite, folder.string(),
+                std::string("holds ") + file + ", which this would not replace (expected another folder)");
+  }
+  constexpr const char* kOwn[] = {"transforms.json", "images", "masks", "points3d.ply"};
+  if (!overwrite) {
+    for (const char* file : {"transforms_train.json", "sparse", kOwn[0], kOwn[1], kOwn[2], kOwn[3]}) {
+      std::error_code ignored;  // what nobody may look into cannot be written either, which says so below
+      if (!fs::exists(folder / file, ignored)) continue;
+      throw Error(ErrorKind::cannotWrite, folder.string(),
+                  std::string("holds ") + file + " already (add --overwrite to replace it)");
+    }
+  }
+  const std::vector<std::string> names = fileNames(dataset);
+  for (const std::string& name : names) requireUtf8(name, "transforms.json");
+  if (overwrite) {
+    writeDatasetFiles(folder, dataset, names);
+  } else {
+    writeAllOrNone(folder, kOwn, [&] { writeDatasetFiles(folder, dataset, names); });
+  }
 }
 
 }  // namespace tg

@@ -2,7 +2,9 @@
 // Data sets as folders that dataset.h reads.
 #pragma once
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
 
 #include "core/bundle/ply.h"
@@ -17,11 +19,16 @@ nlohmann::json transformsFrame(const Camera& camera, const std::string& file_pat
 // Binary PLY of x, y, z (float) and red, green, blue (uchar). Throws Error(cannotWrite).
 void writePoints(const std::filesystem::path& path, const PointCloud& points);
 
+// `write`s what is called `names` in `folder`, none of which is there. Where that throws, it goes again, and so does
+// the folder if it was not there either and nothing else is in it.
+void writeAllOrNone(const std::filesystem::path& folder, std::span<const char* const> names,
+                    const std::function<void()>& write);
+
 // What training sees of a data set - pinholes, downscaled - in nerfstudio's layout: transforms.json with each frame's
 // intrinsics, the split and a background that is not black, images/NAME.png, masks/NAME.png where pixels do not count,
 // points3d.ply. NAME is that of the photograph without its extension, below train/ or test/ where one has the name of
 // both, numbered where two would be the same. Transparency stays where the data set was loaded with random_background.
-// Throws Error(cannotWrite), and when `folder` holds a data set already.
+// Throws Error(cannotWrite), and when `folder` holds a data set already. Without `overwrite` it is then as it was.
 void writeDataset(const std::filesystem::path& folder, const Dataset& dataset, bool overwrite);
 
 }  // namespace tg

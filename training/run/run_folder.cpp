@@ -200,6 +200,10 @@ RunFolder::~RunFolder() {
 
 void RunFolder::leave() {
   std::error_code ignored;
+  if (metrics_ >= 0 && last_checkpoint_.empty()) {  // which the same command would be refused for
+    fs::remove(options_.folder / kMetricsName, ignored);
+    removePreviews(options_.folder / "previews");
+  }
   if (made_) fs::remove(options_.folder, ignored);  // where nothing is in it
   if (lock_ >= 0) ::close(lock_);
 }
@@ -264,6 +268,7 @@ void RunFolder::openMetrics(std::uint64_t keep_bytes) {
   metrics_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
   struct stat status{};
   if (metrics_ < 0 || ::fstat(metrics_, &status) != 0 || !S_ISREG(status.st_mode)) {
+    if (metrics_ >= 0) ::close(std::exchange(metrics_, -1));  // and stays as it is
     throw Error(ErrorKind::cannotWrite, path.string(), "cannot open as a regular file: " + systemReason());
   }
   metrics_bytes_ = std::min(keep_bytes, static_cast<std::uint64_t>(status.st_size));

@@ -46,8 +46,8 @@ Ownership ownershipOf(const std::filesystem::path& folder, const std::filesystem
 // One process at a time. Whatever happens to it, the folder holds the last checkpoint and a valid model, or nothing.
 class RunFolder {
  public:
-  // Makes and locks the folder, which goes again where nothing has come into it. Throws Error(cannotWrite) when it is
-  // in use or holds what must not be replaced.
+  // Makes and locks the folder, which goes again where no checkpoint has come into it. Throws Error(cannotWrite) when
+  // it is in use or holds what must not be replaced.
   explicit RunFolder(RunFolderOptions options);
   ~RunFolder();
   RunFolder& operator=(RunFolder&&) = delete;
