@@ -2,9 +2,11 @@
 // Checks what can be checked first, trains, and writes what came of it.
 #include "training/train.h"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <limits>
 #include <memory>
@@ -83,21 +85,29 @@ std::unique_ptr<RunFolder> openRunFolder(const TrainFlags& options) {
   return std::make_unique<RunFolder>(folder);
 }
 
+// "64 x 64", or from the fewest to the most pixels of several sizes.
+std::string sizesOf(const std::vector<Camera>& views) {
+  const auto pixels = [](const Camera& view) { return std::int64_t{view.size.x} * view.size.y; };
+  const auto text = [](glm::ivec2 size) { return std::to_string(size.x) + " x " + std::to_string(size.y); };
+  const auto [least, most] = std::ranges::minmax(views, {}, pixels);
+  const bool same = std::ranges::all_of(views, [&](const Camera& view) { return view.size == least.size; });
+  return same ? text(least.size) : text(least.size) + " to " + text(most.size);
+}
+
 Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
   ProgressLine line;
   if (!options.quiet) {
     data_options.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };
   }
   Dataset dataset = loadDataset(options.dataset, data_options);
-  const Camera& camera = dataset.views.front();
   printNotes(options.dataset, dataset);
   if (options.talks()) {
     const std::size_t count = dataset.points.position.size();
     const std::string points = count > 0                     ? std::to_string(count) + " points"
                                : options.start_model.empty() ? "no points: random ones are the start"
                                                              : "no points";
-    std::printf("%s: %zu train and %zu test views of %d x %d (%s), %s\n", printable(dataset.name).c_str(),
-                dataset.indices(false).size(), dataset.indices(true).size(), camera.size.x, camera.size.y,
+    std::printf("%s: %zu train and %zu test views of %s (%s), %s\n", printable(dataset.name).c_str(),
+                dataset.indices(false).size(), dataset.indices(true).size(), sizesOf(dataset.views).c_str(),
                 std::string(name(dataset.layout)).c_str(), points.c_str());
     std::fflush(stdout);
   }

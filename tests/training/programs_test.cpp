@@ -13,6 +13,7 @@
 #include "program.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "training/dataset_files.h"
 
 namespace fs = std::filesystem;
 using tg::test::Outcome;
@@ -380,6 +381,20 @@ TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on 
   const std::string scored = "CUDA_VISIBLE_DEVICES= '" TG_TGEVAL "' model.tgz scene --device ";
   CHECK(run(folder, scored + "cuda").code == 5);
   CHECK(run(folder, scored + "auto").code == 0);
+}
+
+TEST_CASE("photographs of several sizes are announced from the smallest to the largest", "[programs]") {
+  const tg::TemporaryFolder folder;
+  std::vector<tg::test::Json> frames;
+  for (const int size : {40, 24, 96}) {
+    const std::string file = "images/" + std::to_string(size) + ".png";
+    tg::test::writePicture(folder / "scene" / file, size, size / 2);
+    frames.push_back(tg::test::frame(file));
+    frames.back().update({{"w", size}, {"h", size / 2}, {"fl_x", size}, {"cx", size / 2}, {"cy", size / 4}});
+  }
+  tg::test::writeText(folder / "scene/transforms.json", tg::test::pinhole(frames).dump());
+  const Outcome trained = tgtrain(folder, "scene -o model.tgz --test-every 0 --init-count 100" + kShort);
+  CHECK_THAT(trained.output, Contains("scene: 3 train and 0 test views of 24 x 12 to 96 x 48 (transforms)"));
 }
 
 TEST_CASE("an existing model is kept unless --overwrite, and when writing fails", "[programs]") {
