@@ -175,9 +175,9 @@ void splitScene(const SplitFlags& flags) {
   writeTextAtomically(fs::path(flags.output) / "jobs.jsonl", jobs);
   if (flags.quiet) return;
   for (const PlannedBlock& planned : plan) {
-    std::printf("%s: %zu train and %zu test views, %zu points, %zu Gaussians, about %.2f GB\n",
-                planned.block.name.c_str(), planned.train_views, planned.views.size() - planned.train_views,
-                planned.points.size(), planned.gaussians, static_cast<double>(planned.memory) / 1e9);
+    std::printf("%s: %zu train and %zu test views, %zu points, %zu Gaussians, about %s\n", planned.block.name.c_str(),
+                planned.train_views, planned.views.size() - planned.train_views, planned.points.size(),
+                planned.gaussians, memoryText(planned.memory).c_str());
   }
   std::printf("wrote %zu blocks to %s: `tgtrain farm %s --out FOLDER` trains them\n", plan.size(), flags.output.c_str(),
               shellWord(flags.output + "/jobs.jsonl").c_str());

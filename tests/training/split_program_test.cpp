@@ -57,7 +57,7 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
               "split city blocks --blocks 2x1 --gaussians 400 --context coarse.tgz --train '" + kTrain + "'");
   INFO(split.output);
   REQUIRE(split.code == 0);
-  CHECK_THAT(split.output, Contains("block_0_0: ") && Contains("wrote 2 blocks to blocks"));
+  CHECK_THAT(split.output, Contains("block_0_0: ") && Contains(" MB\n") && Contains("wrote 2 blocks to blocks"));
   CHECK_THAT(contents(folder / "blocks/jobs.jsonl"), Contains("\"--context\",\"../coarse.tgz\""));
   for (const auto& [train, why] : std::initializer_list<std::pair<std::string, std::string>>{
            {"--no-such 3", "--no-such"},

@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <optional>
+#include <ranges>
 #include <string>
 #include <system_error>
 
@@ -226,6 +229,15 @@ std::vector<PlannedBlock> blocksOf(const std::vector<GridCell>& cells, const std
 
 }  // namespace
 
+std::string memoryText(std::uint64_t bytes) {
+  const bool small = bytes < 100'000'000;
+  char text[32];
+  std::snprintf(
+      text, sizeof text, small ? "%.1f MB" : "%.2f GB",
+      small ? std::ceil(static_cast<double>(bytes) / 1e5) / 10 : std::ceil(static_cast<double>(bytes) / 1e7) / 100);
+  return text;
+}
+
 glm::dvec3 upOfPoints(const PointCloud& points) {
   glm::dvec3 spread(0.0);
   for (int axis = 0; axis < 3; ++axis) {
@@ -274,6 +286,12 @@ std::vector<PlannedBlock> planBlocks(const Dataset& dataset, const glm::dvec3& u
     const glm::dvec2 sides = whole.front().high - whole.front().low;
     const double aspect = sides.x / sides.y;
     const std::uint64_t photographs = largest_view * std::min(options.most, dataset.views.size());
+    // What is the least with which a block fits: all its photographs, or as many as imageMemoryOf() it allows.
+    const auto needed = [&](const PlannedBlock& block) {
+      const std::uint64_t numbers = trainingMemory(block.gaussians, 0, options);
+      return std::min(numbers + photographs, numbers + numbers / 3 + 1);
+    };
+    std::optional<std::uint64_t> least;
     bool fits = false;
     for (int number = 1; number <= kMostCells && !fits; ++number) {
       const int columns = std::clamp(static_cast<int>(std::lround(std::sqrt(number * aspect))), 1, kLongestSide);
@@ -282,11 +300,15 @@ std::vector<PlannedBlock> planBlocks(const Dataset& dataset, const glm::dvec3& u
       if (!cells.empty() && columns * rows == static_cast<int>(cells.size())) continue;
       plan_of({columns, rows});
       if (cells.empty()) break;
-      fits = std::ranges::all_of(plan, [&](const PlannedBlock& block) {
-        return trainingMemory(block.gaussians, photographs, options) <= options.memory;
-      });
+      const std::uint64_t most = std::ranges::max(plan | std::views::transform(needed));
+      least = std::min(least.value_or(most), most);
+      fits = most <= options.memory;
     }
-    if (!fits) throw Error(ErrorKind::usage, "--memory: no grid of blocks fits into it (expected more)");
+    if (!fits) {
+      throw Error(ErrorKind::usage,
+                  "--memory: no grid of blocks fits into it" +
+                      expectedFound(least ? "at least " + memoryText(*least) : "more", memoryText(options.memory)));
+    }
   }
 
   std::vector<Cell> bare;

@@ -158,8 +158,16 @@ TEST_CASE("as few blocks as the memory allows", "[blocks]") {
   CHECK(smaller.size() > plan.size());
   for (const tg::PlannedBlock& block : smaller) CHECK(block.memory <= wanted.memory);
   wanted.memory = 1 << 20;
-  CHECK_THAT(tg::test::messageOf([&] { tg::planBlocks(dataset, kUp, wanted); }, tg::ErrorKind::usage),
-             Contains("--memory: no grid of blocks fits into it"));
+  const std::string refused = tg::test::messageOf([&] { tg::planBlocks(dataset, kUp, wanted); }, tg::ErrorKind::usage);
+  const std::string begin = "--memory: no grid of blocks fits into it (expected at least ";
+  REQUIRE_THAT(refused, Catch::Matchers::StartsWith(begin) && Contains(" GB, found 1.1 MB)"));
+  wanted.memory = static_cast<std::uint64_t>(std::lround(std::stod(refused.substr(begin.size())) * 100)) * 10'000'000;
+  CHECK_NOTHROW(tg::planBlocks(dataset, kUp, wanted));
+  wanted.memory -= 20'000'000;
+  CHECK_THROWS(tg::planBlocks(dataset, kUp, wanted));
+  CHECK(tg::memoryText(99'900'001) == "100.0 MB");
+  CHECK(tg::memoryText(100'000'001) == "0.11 GB");
+  CHECK(tg::memoryText(7'100'000'000) == "7.10 GB");
 }
 
 TEST_CASE("what cannot be cut is said in a line", "[blocks]") {
