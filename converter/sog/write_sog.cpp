@@ -251,14 +251,13 @@ class SogWriter {
     return static_cast<std::uint8_t>(stepped(opacity, opacityStep(options_.steps), 255.0));
   }
 
+  // The last part that wants the model's coefficients: it takes them, as a second copy would be most of a model.
   void addSh() {
     const std::size_t n = model_.size(), rest = model_.shCount() - 1, length = 3 * rest;
-    std::vector<float> rows(n * length);
-    for (std::size_t i = 0; i < n; ++i) {
-      const glm::vec3* from = model_.sh.data() + i * model_.shCount() + 1;
-      std::copy_n(&from->x, length, rows.data() + i * length);
-    }
-    const Palette palette = makePalette(rows, length, sog::kMaxPalette);
+    std::vector<glm::vec3> sh = std::move(model_.sh);
+    for (std::size_t i = 0; i < n; ++i) std::copy_n(sh.data() + i * (rest + 1) + 1, rest, sh.data() + i * rest);
+    const Palette palette = makePalette({&sh.front().x, n * length}, length, sog::kMaxPalette);
+    sh = {};
     const std::vector<float> codebook = evenCodebook(palette.rows, kCoefficientStep * options_.steps);
     const std::size_t held = palette.rows.size() / length;
     Json files;
