@@ -39,11 +39,11 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
              std::span<const Camera> views, ConvertReport& report) {
   report.views = views.size();
   const Bundle written = readModel(output);
-  if (report.adapted) {
-    // Its numbers are others on purpose.
-  } else if (written.model.texture_mode == source.model.texture_mode || !isTextured(source.model)) {
-    report.deviation =
-        deviationOf(report.order.empty() ? source.model : select(source.model, report.order), written.model);
+  if (!report.adapted) {  // whose numbers are others on purpose
+    const bool lost = isTextured(source.model) && !isTextured(written.model);
+    const GaussianModel base = lost ? untextured(source).model : GaussianModel();
+    const GaussianModel& expected = lost ? base : source.model;
+    report.deviation = deviationOf(report.order.empty() ? expected : select(expected, report.order), written.model);
   }
   const bool only_base = isTextured(source.model) && !format.holds(kKeepsTextures);
   (only_base ? report.base_psnr : report.textured_psnr) =

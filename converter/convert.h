@@ -55,7 +55,8 @@ struct ConvertReport : Written {
   std::size_t cameras = 0;
   std::vector<EditReport> edits;
   std::optional<AdaptReport> adapted;
-  std::optional<Deviation> deviation;   // of the file read back, where it holds other numbers
+  // Of the file read back from the model, or from what stands in for textures where it holds none.
+  std::optional<Deviation> deviation;
   std::size_t views = 0;                // rendered for the two figures below
   std::optional<double> textured_psnr;  // [dB] the file read back against the edited model; infinity when equal
   std::optional<double> base_psnr;      // [dB] what a reader without textures shows; only for textured sources

@@ -56,6 +56,10 @@ TEST_CASE("a .splat of a textured model is its fallback, and the summary says wh
   CHECK(report.output_bytes == 60 * 32);
   CHECK(report.texture_mode == "none");
   CHECK(report.base_psnr.has_value());
+  REQUIRE(report.deviation.has_value());  // from the fallback: of rounding alone
+  CHECK(report.deviation->mean == 0);
+  CHECK(report.deviation->opacity > 0);
+  CHECK(report.deviation->opacity <= 0.5 / 255 + 1e-6);
   CHECK(std::find(report.warnings.begin(), report.warnings.end(),
                   ".splat holds no SH: colours are those of degree 0") != report.warnings.end());
   CHECK(readModel(scratch.folder() / "out.splat").format == "splat");
