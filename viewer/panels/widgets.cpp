@@ -5,8 +5,12 @@
 #include <imgui_internal.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
+#include <utility>
 
+#include "core/system/assert.h"
 #include "core/system/error.h"
 #include "viewer/view/names.h"
 
@@ -97,13 +101,48 @@ bool segment(const char* label, bool active, int index, int count) {
   return clicked;
 }
 
+namespace {
+
+using SliderValue = std::array<int, 2>;  // the bytes of one of any type
+
+SliderValue valueAt(ImGuiDataType type, const void* value) {
+  SliderValue bytes{};
+  TG_ASSERT(ImGui::DataTypeGetInfo(type)->Size <= sizeof bytes, "a slider's value has at most 8 bytes");
+  std::memcpy(bytes.data(), value, ImGui::DataTypeGetInfo(type)->Size);
+  return bytes;
+}
+
+// The second press of a double click on the slider, whose first one has moved it.
+bool isPressedTwice(ImGuiID slider) {
+  const ImGuiContext& context = *ImGui::GetCurrentContext();
+  return ImGui::IsMouseDoubleClicked(0) && context.HoveredIdPreviousFrame == slider && context.LastActiveId == slider;
+}
+
+}  // namespace
+
 bool slider(const char* id, ImGuiDataType type, void* value, const void* low, const void* high, const char* format,
             ImGuiSliderFlags flags) {
   flags |= ImGuiSliderFlags_AlwaysClamp;
+  const ImGuiID item = ImGui::GetID(id), first = ImHashStr("before", 0, item), second = first + 1;
+  ImGuiStorage& kept = *ImGui::GetStateStorage();
+  const bool opens = isPressedTwice(item);
+  if (opens) {
+    const SliderValue before = {kept.GetInt(first), kept.GetInt(second)};
+    std::memcpy(value, before.data(), ImGui::DataTypeGetInfo(type)->Size);
+  }
+  const SliderValue now = valueAt(type, value);
   // Dear ImGui's own knob lies over the words.
   ImGui::PushStyleColor(ImGuiCol_SliderGrab, ImU32{0});
   ImGui::PushStyleColor(ImGuiCol_SliderGrabActive, ImU32{0});
-  const bool changed = ImGui::SliderScalar(id, type, value, low, high, format, flags);
+  // With Ctrl a click opens the field of a slider; that of a number that is dragged opens at two.
+  bool& control = ImGui::GetIO().KeyCtrl;
+  const bool held = std::exchange(control, control || opens);
+  const bool changed = ImGui::SliderScalar(id, type, value, low, high, format, flags) || opens;
+  control = held;
+  if (ImGui::IsItemActivated()) {
+    kept.SetInt(first, now[0]);
+    kept.SetInt(second, now[1]);
+  }
   ImGui::PopStyleColor(2);
   const ImRect frame(ImGui::GetItemRectMin(), ImGui::GetItemRectMax());
   ImRect knob(frame.Min, frame.Min);

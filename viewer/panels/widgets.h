@@ -32,7 +32,8 @@ bool hintIsDue();
 void fileHint(const std::filesystem::path& file, const std::string& words = "");
 // One of `count` buttons that share a row, the active one coloured. True when clicked.
 bool segment(const char* label, bool active, int index, int count);
-// A slider as wide as the next item, whose mark lies below its words. `value`, `low` and `high` are of `type`.
+// A slider as wide as the next item, whose mark lies below its words. `value`, `low` and `high` are of `type`. A double
+// click opens a field with the value from before it.
 bool slider(const char* id, ImGuiDataType type, void* value, const void* low, const void* high, const char* format,
             ImGuiSliderFlags flags = 0);
 bool slider(const char* id, float& value, float low, float high, const char* format, ImGuiSliderFlags flags = 0);

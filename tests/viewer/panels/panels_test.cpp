@@ -734,6 +734,36 @@ TEST_CASE("a slider of the page is held on while a head that grows leaves the pa
   CHECK(pageWindow().Pos.y < 60);
 }
 
+TEST_CASE("a double click on a slider opens a field with the value from before it") {
+  ViewerState state = bareState();
+  const Interface interface;
+  const auto open = [&](Tab tab, const char* name, const auto& untouched) {
+    INFO(name);
+    state.ui.tab = tab;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow& page = pageWindow();
+    const ImGuiID id = ImHashStr(name, 0, ImHashStr("page", 0, page.ID));
+    ImVec2 place(page.Pos.x + page.Size.x - 20, page.Pos.y);
+    while (place.y < Interface::kHeight && interface.hovered(state, place) != id) place.y += 4;
+    for (const bool pressed : {true, false}) (void)interface.hovered(state, place, pressed);
+    CHECK_FALSE(untouched());
+    for (const bool pressed : {true, false}) (void)interface.hovered(state, place, pressed);
+    CHECK(untouched());
+    CHECK(interface.active() == id);
+    CHECK(ImGui::GetIO().WantTextInput);
+  };
+  state.camera.speed = 1.25;
+  open(Tab::camera, "##speed", [&] { return state.camera.speed == 1.25; });
+  ImGui::GetIO().AddInputCharacter('3');
+  (void)interface.hovered(state, {-1, -1});
+  CHECK(state.camera.speed == 3);
+  // Elsewhere, and a slider of 64 bits.
+  for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {600, 500}, pressed);
+  state.scene.streamed_from = 1'000'000;
+  state.stream.budget = 1'000;
+  open(Tab::view, "##budget", [&] { return state.stream.budget == 1'000; });
+}
+
 TEST_CASE("another page begins at its top, however far the one before was scrolled") {
   ViewerState state = fullState();
   const Interface interface;
