@@ -226,7 +226,7 @@ void welcome(ViewerState& state) {
 // The line of a wipe, and what lies on either side.
 void comparison(const ViewerState& state) {
   const Comparison& how = state.compare.how;
-  if (how.mode == CompareMode::off || !state.compare.problem.empty()) return;
+  if (how.mode == CompareMode::off || !state.compare.problem.empty() || state.record.draws()) return;
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float left = panelWidth(state, size.x), width = size.x - left, font = ImGui::GetFontSize();
   const int document = otherDocument(state);
@@ -273,7 +273,7 @@ void comparison(const ViewerState& state) {
 // In the half that stays empty: why there is no picture beside the model's.
 void noComparison(const ViewerState& state) {
   const CompareState& compare = state.compare;
-  const bool empty = compare.how.mode == CompareMode::side && !compare.problem.empty() && !state.record.wanted;
+  const bool empty = compare.how.mode == CompareMode::side && !compare.problem.empty() && !state.record.draws();
   if (!empty || !state.scene.model) return;
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float left = panelWidth(state, size.x), font = ImGui::GetFontSize();
@@ -289,7 +289,7 @@ void noComparison(const ViewerState& state) {
 // In the lower left corner of the picture, as --legend draws it.
 void legend(const ViewerState& state) {
   const DisplayState& display = state.display;
-  const bool error = hasLegend(state.compare.how.mode);
+  const bool error = hasLegend(state.compare.how.mode) && !state.record.draws();
   // The picture on screen may be of the output before.
   const bool scaled = display.scale && display.scaled == display.output;
   if (error ? !state.compare.problem.empty() : kNumberOutputs.has(display.output) && !scaled) return;

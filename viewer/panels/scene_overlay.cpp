@@ -21,7 +21,7 @@ PictureOnScreen pictureOnScreen(const ViewerState& state) {
 }
 
 void sceneOverlay(const ViewerState& state) {
-  if (state.record.wanted && !state.record.waits) return;  // the picture is another camera's
+  if (state.record.draws()) return;
   const PictureOnScreen picture = pictureOnScreen(state);
   const Camera& camera = picture.camera;
   ImDrawList* draw = ImGui::GetBackgroundDrawList();

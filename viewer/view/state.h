@@ -63,6 +63,9 @@ struct RecordState {
   bool wanted = false;         // set to begin, cleared to cancel; the window clears it at the end
   bool waits = false;          // for its streamed scene to be shown again
   std::size_t done = 0, frames = 0;
+
+  // The pictures on screen are its own, of other cameras than the view's, and of no comparison.
+  bool draws() const { return wanted && !waits; }
 };
 constexpr double kMinFps = 0.1, kMaxFps = 1000;  // of recordings [1 / s]
 

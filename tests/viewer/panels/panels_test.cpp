@@ -667,6 +667,38 @@ TEST_CASE("the half that has no picture beside the model's says why") {
   CHECK(drawnBehind() == 0);
 }
 
+TEST_CASE("pictures of a recording carry nothing of a comparison") {
+  ViewerState state = bareState();
+  const Interface interface;
+  const auto drawnBehind = [&] {
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    return ImGui::GetBackgroundDrawList()->VtxBuffer.Size;
+  };
+  for (const CompareMode mode : valuesOf<CompareMode>()) {
+    INFO(name(mode));
+    state.compare.how.mode = CompareMode::off;
+    state.record.wanted = true;
+    state.record.waits = false;
+    state.display.output = Output::texture;
+    const int legend = drawnBehind();  // of the output: such pictures are recorded
+    CHECK(legend > 0);
+    state.compare.how.mode = mode;
+    CHECK(drawnBehind() == legend);
+    state.display.output = Output::final;
+    CHECK(drawnBehind() == 0);
+    if (mode == CompareMode::side) {
+      state.compare.problem = "No photograph was taken from here";
+      CHECK(drawnBehind() == 0);
+      state.record.waits = true;  // the view is back
+      CHECK(drawnBehind() > 0);
+      state.record.waits = false;
+      state.compare.problem.clear();
+    }
+    state.record.wanted = false;
+    CHECK((drawnBehind() > 0) == (mode != CompareMode::off));
+  }
+}
+
 TEST_CASE("a window that is too low for what stands above a page scrolls it with the page") {
   ViewerState state = fullState();
   const Interface interface;
