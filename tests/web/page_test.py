@@ -161,6 +161,21 @@ def at_a_desk(browser, page):
     expect("and the list of cameras says that it is none of them",
            until(browser, f"{listed} === '(free view)'", 5), browser.evaluate(listed))
 
+    browser.press(" ", "Space")
+    now = browser.evaluate(camera)
+    expect("Space goes on from the camera that was left", now == first + 1, now)
+    browser.press("f")
+    browser.press(" ", "Space", SHIFT)
+    expect("and back", browser.evaluate(camera) == first, browser.evaluate(camera))
+    browser.press("l")
+    until(browser, "tgViewer.playing && tgViewer.flight")
+    browser.press(" ", "Space")
+    expect("a flight leaves it, too", browser.evaluate(camera) == first + 1, browser.evaluate(camera))
+    browser.press("+")
+    gone = browser.evaluate("tgViewer.open({...tgViewer.model}).then(() => tgViewer.moved()).then(() => tgViewer.last)")
+    expect("another model knows nothing of it", gone == {"camera": first, "view": -1}, gone)
+    browser.drag(520, 400, 60, 20)
+
     told = "document.getElementById('message')"
     leads = f"{told}.textContent.includes('leads to this view') && !{told}.hidden"
     browser.press("c")
@@ -440,6 +455,9 @@ def main():
         expect("and lists them by name", listed == ["the front", "from behind"], listed)
         browser.press(" ", "Space")
         expect("Space goes through them", browser.evaluate("tgViewer.viewIndex") == 1)
+        browser.press("ArrowLeft")
+        browser.press(" ", "Space", SHIFT)
+        expect("and on from the one that was left", browser.evaluate("tgViewer.viewIndex") == 0)
         browser.open(address + "&view=from+behind")
         expect("an address names one", browser.evaluate("tgViewer.viewIndex") == 1)
         # A model that is turned takes them along.

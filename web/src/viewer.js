@@ -14,6 +14,7 @@ const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
 const LOST_MILLISECONDS = 5000;  // until a device that the browser took away and has not given back is spoken of
 const MOST_UPLOADS = 3;  // of a model, where the device is lost meanwhile
 const MAX_FIXED_SIDE = 8192;
+const NOWHERE = {camera: -1, view: -1};
 
 const LOST = 'The browser has taken the graphics device away. If the picture does not come back, reload the page.';
 
@@ -28,6 +29,7 @@ export class Viewer {
     this.fixedSize = null;    // [px] instead of the canvas' own
     this.cameraIndex = -1;    // of the model's cameras, while the view is one of them; likewise for its views
     this.viewIndex = -1;
+    this.left = NOWHERE;      // the two indices as they were before it was none of them
     this.motionScale = 1;     // resolution while the camera moves
     this.lastInput = -Infinity;
     this.lastFrame = 0;
@@ -81,6 +83,8 @@ export class Viewer {
   // Shows another model, from its start view on: the first of its views, its first test camera, or everything.
   async open(model) {
     if (!await this.take(model, new Orbit(model))) return;
+    this.cameraIndex = this.viewIndex = -1;
+    this.left = NOWHERE;
     this.settings = {...this.splats.settings};
     this.resize();
     const test = model.cameras.findIndex((camera) => camera.test);
@@ -97,6 +101,7 @@ export class Viewer {
     this.settings.intersection = own.intersection;
     if (this.cameraIndex >= model.cameras.length) this.cameraIndex = -1;
     if (this.viewIndex >= model.views.length) this.viewIndex = -1;
+    if (this.left.camera >= model.cameras.length || this.left.view >= model.views.length) this.left = NOWHERE;
     this.changed();
   }
 
@@ -172,19 +177,17 @@ export class Viewer {
 
   // To a camera of the model, or -1: everything in view.
   jump(index) {
-    this.land();
+    this.moved();
     this.cameraIndex = index;
-    this.viewIndex = -1;
     if (index >= 0) this.orbit.set(this.model.cameras[index]);
     else this.orbit.start(this.canvas.width, this.canvas.height);
     this.changed();
   }
 
   jumpToView(index) {
-    this.land();
+    this.moved();
     this.orbit.set(this.model.views[index]);
     this.viewIndex = index;
-    this.cameraIndex = -1;
     this.changed();
   }
 
@@ -195,10 +198,21 @@ export class Viewer {
     this.changed();
   }
 
-  // A hand has the camera.
+  // A flight ends, and the view is none of the model's.
   moved() {
     this.land();
+    this.leave();
+  }
+
+  leave() {
+    this.left = this.last;
     this.cameraIndex = this.viewIndex = -1;
+  }
+
+  // Which of the model's cameras or views it is looked from, or was last: {camera, view}, at least one of them -1.
+  get last() {
+    const {cameraIndex: camera, viewIndex: view} = this;
+    return camera >= 0 || view >= 0 ? {camera, view} : this.left;
   }
 
   // What a flight passes: the views in their order, or the cameras where there are none.
@@ -218,7 +232,7 @@ export class Viewer {
       this.toFly = this.waiting.length > 0;  // who waits for a picture that stands sees it first
       if (!this.toFly) this.flight = new Flight(stops, this.orbit.camera);
     }
-    if (this.flight) this.cameraIndex = this.viewIndex = -1;
+    if (this.flight) this.leave();
     this.changed();
     return this.playing;
   }

@@ -134,12 +134,12 @@ class Panel {
     else this.viewer.jump(Number(value));
   }
 
-  // To the next view or camera, whichever was looked from last; views come first.
+  // To the next view or camera, whichever was looked from last, also where it was left since; views come first.
   step(by) {
     const {viewer} = this;
-    const {views, cameras} = viewer.model;
-    const amongViews = views.length > 0 && viewer.cameraIndex < 0;
-    const list = amongViews ? views : cameras, from = amongViews ? viewer.viewIndex : viewer.cameraIndex;
+    const {model: {views, cameras}, last} = viewer;
+    const amongViews = views.length > 0 && last.camera < 0;
+    const list = amongViews ? views : cameras, from = amongViews ? last.view : last.camera;
     if (list.length === 0) return;
     const to = from < 0 ? (by > 0 ? 0 : list.length - 1) : (from + by + list.length) % list.length;
     if (amongViews) viewer.jumpToView(to);
