@@ -145,6 +145,14 @@ def at_a_desk(browser, page):
     browser.press(" ", "Space")
     state = browser.evaluate(f"[tgViewer.settings.show, {camera}]")
     expect("there Space presses it, and the camera stays", state == ["base", first], state)
+    browser.page("Emulation.setEmulatedMedia", features=[{"name": "forced-colors", "value": "active"}])
+    keep(browser, "forced-colors")
+    grounds = browser.evaluate("[...document.querySelectorAll('#show button')].map((b) => "
+                               "[b.getAttribute('aria-pressed'), getComputedStyle(b).backgroundColor])")
+    pressed = {ground for state, ground in grounds if state == "true"}
+    expect("in colours of the system's own a pressed button is told from others",
+           len(pressed) == 1 and pressed.isdisjoint({ground for state, ground in grounds if state == "false"}), grounds)
+    browser.page("Emulation.setEmulatedMedia", features=[])
     browser.evaluate("document.activeElement.blur()")
     browser.press("1")
     expect("1 is the final picture again", browser.evaluate("tgViewer.settings.show") == "final")
