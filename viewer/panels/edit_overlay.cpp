@@ -140,14 +140,28 @@ void pixelMark(const ViewerState& state, const PictureOnScreen& picture, ImDrawL
   draw->AddRect(low, high, kToolLine, 0, 0, picture.scale);
 }
 
+// Of two pictures beside each other the one that the tool is at work in: their cameras are alike.
+PictureOnScreen toolPicture(const ViewerState& state) {
+  PictureOnScreen picture = pictureOnScreen(state);
+  const bool in_right = state.compare.how.mode == CompareMode::side && state.edit.in_right;
+  if (in_right) picture.corner.x += static_cast<float>(picture.camera.size.x);
+  return picture;
+}
+
 }  // namespace
 
 void editOverlay(const ViewerState& state, const PictureOnScreen& picture) {
-  const EditState& edit = state.edit;
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
   pixelMark(state, picture, draw);
-  if (!edit.selection && edit.tool == EditTool::none) return;
   dots(state, picture, draw);
+}
+
+void toolOverlay(const ViewerState& state) {
+  const EditState& edit = state.edit;
+  if (edit.tool == EditTool::none) return;
+  const PictureOnScreen picture = toolPicture(state);
+  ImDrawList* draw = ImGui::GetBackgroundDrawList();
+  pushClipRect(picture);
   if (edit.tool == EditTool::rectangle && edit.selecting) {
     const ImVec2 a = onScreen(picture, edit.selecting->from), b = onScreen(picture, edit.selecting->to);
     const ImVec2 corners[] = {a, {b.x, a.y}, b, {a.x, b.y}};
@@ -158,11 +172,16 @@ void editOverlay(const ViewerState& state, const PictureOnScreen& picture) {
   if (edit.tool == EditTool::brush && edit.pointer) circle(picture, draw, *edit.pointer, edit.brush);
   if (edit.tool == EditTool::sphere && edit.pointer) sphere(state, picture, draw);
   gizmo(state, picture, draw);
+  draw->PopClipRect();
 }
 
 PointerTaken editInput(ViewerState& state) {
   const ImGuiIO& io = ImGui::GetIO();
-  const PictureOnScreen picture = pictureOnScreen(state);
+  if (!state.edit.selecting && !state.edit.moving) {
+    const PictureOnScreen left = pictureOnScreen(state);
+    state.edit.in_right = io.MousePos.x >= left.corner.x + static_cast<float>(left.camera.size.x);
+  }
+  const PictureOnScreen picture = toolPicture(state);
   EditPointer pointer;
   pointer.at = {static_cast<double>(io.MousePos.x - picture.corner.x),
                 static_cast<double>(io.MousePos.y - picture.corner.y)};

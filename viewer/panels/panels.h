@@ -30,7 +30,8 @@ struct PictureOnScreen {
   float scale = 1;  // UiState::scale
 };
 PictureOnScreen pictureOnScreen(const ViewerState& state);
-// What of the pointer is an edit tool's, not the camera's. Once a frame, before drawPanels().
+// What of the pointer is an edit tool's, not the camera's; a tool is at work in either of two pictures beside each
+// other. Once a frame, before drawPanels().
 PointerTaken editInput(ViewerState& state);
 
 // Whether a list or the colour picker is open: Esc is theirs then.

@@ -20,13 +20,18 @@ PictureOnScreen pictureOnScreen(const ViewerState& state) {
           static_cast<float>(state.ui.scale)};
 }
 
+void pushClipRect(const PictureOnScreen& picture) {
+  const ImVec2 corner(picture.corner.x, picture.corner.y);
+  const glm::vec2 size(picture.camera.size);
+  ImGui::GetBackgroundDrawList()->PushClipRect(corner, {corner.x + size.x, corner.y + size.y});
+}
+
 void sceneOverlay(const ViewerState& state) {
   if (state.record.draws()) return;
   const PictureOnScreen picture = pictureOnScreen(state);
   const Camera& camera = picture.camera;
   ImDrawList* draw = ImGui::GetBackgroundDrawList();
-  draw->PushClipRect({picture.corner.x, picture.corner.y}, {picture.corner.x + static_cast<float>(camera.size.x),
-                                                            picture.corner.y + static_cast<float>(camera.size.y)});
+  pushClipRect(picture);
   for (const SceneLine& line : sceneLines(state)) {
     const auto ends = projected(camera, line.a, line.b);
     if (!ends) continue;
@@ -39,6 +44,7 @@ void sceneOverlay(const ViewerState& state) {
   }
   editOverlay(state, picture);
   draw->PopClipRect();
+  toolOverlay(state);
 }
 
 }  // namespace tg

@@ -49,6 +49,7 @@ void saveSection(ViewerState& state);
 void timeSection(ViewerState& state, const FrameStatistics& statistics);
 // edit_overlay.cpp
 void editOverlay(const ViewerState& state, const PictureOnScreen& picture);
+void toolOverlay(const ViewerState& state);
 // menu.cpp: as the first line of the panel, and over the picture while that is hidden
 void panelMenu(ViewerState& state);
 void hiddenMenu(ViewerState& state);
@@ -57,6 +58,8 @@ bool closeInnermostList();  // false: none is open
 void dialogs(ViewerState& state, bool escape);
 // scene_overlay.cpp
 void sceneOverlay(const ViewerState& state);
+// What is drawn behind the panels until PopClipRect() stays within the picture.
+void pushClipRect(const PictureOnScreen& picture);
 // overlays.cpp
 void overlays(ViewerState& state);
 

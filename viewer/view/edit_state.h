@@ -59,6 +59,7 @@ struct EditState {
   glm::dvec3 turn{0.0};                      // [degrees] about x, then y, then z
   double scale = 1;
 
+  bool in_right = false;  // of two pictures beside each other the pointer, or where its drag began, is in the right one
   std::optional<glm::dvec2> pointer;  // [px] of the picture, while a tool is at work there
   std::optional<glm::dvec3> surface;  // under it, for the sphere
   std::optional<SelectDrag> selecting;

@@ -647,6 +647,51 @@ TEST_CASE("a recording says how far it is on every page") {
   }
 }
 
+TEST_CASE("a tool is at work in either of two pictures beside each other, and its drag stays in the one it began in") {
+  ViewerState state = bareState();
+  state.compare.how.mode = CompareMode::side;
+  setTool(state, EditTool::rectangle);
+  const Interface interface;
+  const auto frame = [&](ImVec2 at, bool pressed) {
+    ImGui::GetIO().MousePos = at;
+    ImGui::GetIO().MouseDown[0] = pressed;
+    ImGui::NewFrame();
+    const bool taken = editInput(state).button;
+    drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}}, false);
+    ImGui::EndFrame();
+    return taken;
+  };
+  for (int i = 0; i < 3; ++i) frame({-1, -1}, false);
+  const float left = panelWidth(state, Interface::kWidth);
+  const float half = std::floor((Interface::kWidth - left) / 2);
+  const auto drawnAt = [](float x) {
+    const ImVector<ImDrawVert>& points = ImGui::GetBackgroundDrawList()->VtxBuffer;
+    return std::ranges::any_of(points, [x](const ImDrawVert& point) { return std::abs(point.pos.x - x) < 1; });
+  };
+  std::vector<SelectionPtr> selected;
+  for (const float begin : {left, left + half}) {
+    INFO(begin);
+    chooseNone(state);
+    frame({begin + 1, 10}, false);
+    CHECK(frame({begin + 1, 10}, true));
+    CHECK(frame({begin + half - 60, 900}, true));
+    REQUIRE(state.edit.selecting);
+    CHECK(state.edit.selecting->from == glm::dvec2(1, 10));
+    CHECK(state.edit.selecting->to == glm::dvec2(half - 60, 900));
+    CHECK(drawnAt(begin + half - 60));
+    const float other = begin > left ? left + 20 : left + half + 20;
+    frame({other, 900}, true);
+    CHECK(state.edit.selecting->to == glm::dvec2(other - begin, 900));
+    frame({begin + half - 60, 900}, true);
+    frame({begin + half - 60, 900}, false);
+    CHECK_FALSE(state.edit.selecting);
+    selected.push_back(state.edit.selection);
+  }
+  REQUIRE(selected[0]);
+  REQUIRE(selected[1]);
+  CHECK(selected[0]->chosen == selected[1]->chosen);
+}
+
 TEST_CASE("the half that has no picture beside the model's says why") {
   ViewerState state = bareState();
   state.compare.how.mode = CompareMode::side;
