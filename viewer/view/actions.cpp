@@ -101,6 +101,7 @@ void nextUp(ViewerState& state) {
 
 void toggleInspecting(ViewerState& state) {
   state.inspect.active = !state.inspect.active;
+  if (state.inspect.active) setTool(state, EditTool::none);
   notify(state, state.inspect.active ? "A click inspects its pixel" : "A click no longer inspects");
 }
 

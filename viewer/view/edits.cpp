@@ -76,6 +76,7 @@ bool cancelDrag(ViewerState& state) {
 void setTool(ViewerState& state, EditTool tool) {
   cancelDrag(state);
   state.edit.tool = tool == state.edit.tool ? EditTool::none : tool;
+  if (state.edit.tool != EditTool::none) state.inspect.active = false;
   state.edit.pointer.reset();
   state.edit.surface.reset();
   state.edit.hovered = Handle::none;

@@ -13,7 +13,7 @@ namespace tg {
 
 // False with a notice: there is no model, or only a part of it yet.
 bool mayEdit(ViewerState& state);
-void setTool(ViewerState& state, EditTool tool);  // a tool that is on is switched off
+void setTool(ViewerState& state, EditTool tool);  // one that is on is switched off, another ends inspecting by clicks
 // Ends a drag, over the picture or the histogram, without a trace. False: there was none.
 bool cancelDrag(ViewerState& state);
 

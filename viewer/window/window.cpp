@@ -479,7 +479,7 @@ bool Viewer::handlePointer() {
 // A click that was no drag, with Alt or while clicks inspect; else two of them set the pivot.
 void Viewer::inspectClick() {
   const ImGuiIO& io = ImGui::GetIO();
-  const bool inspects = io.KeyAlt || (state_.inspect.active && state_.edit.tool == EditTool::none);
+  const bool inspects = io.KeyAlt || state_.inspect.active;
   const double still = kStill * state_.ui.scale;
   if (io.WantCaptureMouse || double{io.MouseDragMaxDistanceSqr[0]} > still * still) return;
   if (inspects ? !ImGui::IsMouseReleased(0) : !double_clicked_ || hasButton(state_.edit)) return;

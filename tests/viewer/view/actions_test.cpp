@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "support/catch.h"
+#include "viewer/keys.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edited_state.h"
 #include "viewer/view/path_editor.h"
@@ -77,6 +78,22 @@ TEST_CASE("a part of a model and a scene with levels are neither edited nor save
                                               "Select the others", "Select by a rectangle", "Select by a brush",
                                               "Select by a sphere", "Move the selection", "Turn the selection",
                                               "Scale the selection", "Delete the selection"});
+}
+
+TEST_CASE("clicks are a tool's or inspect: what is switched on last has them") {
+  ViewerState state = sampleState();
+  test::press(state, kKeyF2);
+  test::press(state, 'M');
+  CHECK(state.inspect.active);
+  CHECK(state.messages.notice == "A click inspects its pixel");
+  CHECK(state.edit.tool == EditTool::none);
+  test::press(state, kKeyF3);
+  CHECK(state.edit.tool == EditTool::brush);
+  CHECK_FALSE(state.inspect.active);
+  test::press(state, 'M');
+  test::press(state, 'M');
+  CHECK_FALSE(state.inspect.active);
+  CHECK(state.edit.tool == EditTool::none);
 }
 
 TEST_CASE("without a model the menus offer what opens one, what shows the window, and the keys") {
