@@ -148,12 +148,9 @@ void cropSection(ViewerState& state) {
   hint("Around all means");
   if (!display.crop) return;
   const float speed = 0.005f * static_cast<float>(state.scene.bounds.radius);
-  const auto corner = [&](const char* id, glm::vec3& value) {
-    ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-    return ImGui::DragFloat3(id, &value.x, speed, 0, 0, "%.3f");
-  };
-  if (corner("##low", display.box.min)) display.box.max = glm::max(display.box.min, display.box.max);
-  if (corner("##high", display.box.max)) display.box.min = glm::min(display.box.min, display.box.max);
+  CropBox& box = display.box;
+  if (vectorField("##low", box.min, speed, "%.3f")) box.min = glm::min(box.min, box.max);
+  if (vectorField("##high", box.max, speed, "%.3f")) box.max = glm::max(box.min, box.max);
 }
 
 void levelSection(ViewerState& state) {

@@ -80,14 +80,6 @@ void histogramBars(ViewerState& state, const Histogram& histogram) {
   }
 }
 
-bool vectorField(const char* id, glm::dvec3& value, float speed, const char* format) {
-  glm::vec3 shown(value);
-  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
-  if (!ImGui::DragFloat3(id, &shown.x, speed, 0, 0, format)) return false;
-  value = glm::dvec3(shown);
-  return true;
-}
-
 }  // namespace
 
 void historySection(ViewerState& state) {
@@ -165,11 +157,15 @@ void changeSection(ViewerState& state) {
   const auto apply = [&](glm::dvec3 move, glm::dvec3 turn, double scale) {
     attempt(state, [&] { transformChosen(state, similarityOf(state, move, turn, scale)); });
   };
+  const auto field = [](glm::dvec3& value, float speed, const char* format) {
+    glm::vec3 shown(value);
+    if (vectorField("##by", shown, speed, format)) value = shown;
+  };
   if (edit.tool == EditTool::move) {
-    vectorField("##by", edit.move, 0.002f * static_cast<float>(state.scene.bounds.radius), "%.4f");
+    field(edit.move, 0.002f * static_cast<float>(state.scene.bounds.radius), "%.4f");
     if (segment("Move by this", false, 0, 1)) apply(edit.move, glm::dvec3(0.0), 1);
   } else if (edit.tool == EditTool::turn) {
-    vectorField("##by", edit.turn, 0.5f, "%.1f\xc2\xb0");
+    field(edit.turn, 0.5f, "%.1f\xc2\xb0");
     if (segment("Turn about x, y, z", false, 0, 1)) apply(glm::dvec3(0.0), edit.turn, 1);
   } else if (edit.tool == EditTool::scale) {
     auto factor = static_cast<float>(edit.scale);

@@ -160,6 +160,20 @@ bool slider(const char* id, float& value, float low, float high, const char* for
   return slider(id, ImGuiDataType_Float, &value, &low, &high, format, flags);
 }
 
+bool vectorField(const char* id, glm::vec3& value, float speed, const char* format) {
+  const ImGuiID before = ImHashStr("before", 0, ImGui::GetID(id));
+  ImGuiStorage& kept = *ImGui::GetStateStorage();
+  glm::vec3 now = value;
+  ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
+  const bool changed = ImGui::DragFloat3(id, &now.x, speed, 0, 0, format);
+  for (glm::length_t i = 0; i < 3; ++i) {
+    const ImGuiID place = before + static_cast<ImGuiID>(i);
+    if (ImGui::IsItemActivated()) kept.SetFloat(place, value[i]);
+    if (changed) value[i] = std::isfinite(now[i]) ? now[i] : kept.GetFloat(place);
+  }
+  return changed;
+}
+
 bool textField(const char* id, std::string& text, const char* placeholder) {
   const auto grow = [](ImGuiInputTextCallbackData* data) {
     auto* string = static_cast<std::string*>(data->UserData);

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <glm/glm.hpp>
 #include <string>
 
 namespace tg {
@@ -37,6 +38,9 @@ bool segment(const char* label, bool active, int index, int count);
 bool slider(const char* id, ImGuiDataType type, void* value, const void* low, const void* high, const char* format,
             ImGuiSliderFlags flags = 0);
 bool slider(const char* id, float& value, float low, float high, const char* format, ImGuiSliderFlags flags = 0);
+// Three numbers, as wide as there is room, to be dragged or typed. What is typed counts where it is finite, else what
+// was there before. True when they were changed.
+bool vectorField(const char* id, glm::vec3& value, float speed, const char* format);
 // A line of text; `placeholder` where it is empty. True when it was changed.
 bool textField(const char* id, std::string& text, const char* placeholder);
 // Text at a place of the screen, cut where its room [ImGui units] ends.

@@ -841,6 +841,47 @@ TEST_CASE("a double click on a slider opens a field with the value from before i
   open(Tab::view, "##budget", [&] { return state.stream.budget == 1'000; });
 }
 
+TEST_CASE("fields of the crop box and of moves take finite numbers, and no corner moves the other one") {
+  ViewerState state = bareState();
+  state.display.crop = true;
+  state.display.box = {{-1, -1, -1}, {1, 1, 1}};
+  setTool(state, EditTool::move);
+  state.edit.move = {0.5, 0, 0};
+  const Interface interface;
+  const auto type = [&](Tab tab, const char* name, const char* text) {
+    INFO(name << " " << text);
+    state.ui.tab = tab;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow& page = pageWindow();
+    const int axis = 0;
+    const ImGuiID field = ImHashStr(name, 0, ImHashStr("page", 0, page.ID));
+    const ImGuiID id = ImHashStr("", 0, ImHashData(&axis, sizeof axis, field));
+    ImVec2 place(page.Pos.x + 20, page.Pos.y);
+    while (place.y < Interface::kHeight && interface.hovered(state, place) != id) place.y += 4;
+    for (const bool pressed : {true, false, true, false}) (void)interface.hovered(state, place, pressed);
+    REQUIRE(interface.active() == id);
+    for (const char* key = text; *key; ++key) {
+      ImGui::GetIO().AddInputCharacter(static_cast<unsigned>(*key));
+      (void)interface.hovered(state, place);
+    }
+    for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {600, 500}, pressed);
+  };
+  type(Tab::view, "##low", "-7.5");
+  CHECK(state.display.box == CropBox{{-7.5f, -1, -1}, {1, 1, 1}});
+  type(Tab::view, "##low", "1e99");
+  CHECK(state.display.box == CropBox{{-7.5f, -1, -1}, {1, 1, 1}});
+  type(Tab::view, "##low", "5");
+  CHECK(state.display.box == CropBox{{1, -1, -1}, {1, 1, 1}});
+  type(Tab::view, "##high", "-5");
+  CHECK(state.display.box == CropBox{{1, -1, -1}, {1, 1, 1}});
+  type(Tab::view, "##high", "1e99");
+  CHECK(state.display.box == CropBox{{1, -1, -1}, {1, 1, 1}});
+  type(Tab::edit, "##by", "-1e99");
+  CHECK(state.edit.move == glm::dvec3(0.5, 0, 0));
+  type(Tab::edit, "##by", "2.5");
+  CHECK(state.edit.move == glm::dvec3(2.5, 0, 0));
+}
+
 TEST_CASE("another page begins at its top, however far the one before was scrolled") {
   ViewerState state = fullState();
   const Interface interface;
