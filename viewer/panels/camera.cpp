@@ -46,6 +46,27 @@ void cameraList(ViewerState& state) {
   hint("Next camera (Space)");
 }
 
+// A click goes there; a double click opens a field on the name, until another widget or Enter takes it away.
+void bookmarkRow(ViewerState& state, int index, float width) {
+  std::string& name = state.camera.bookmarks[static_cast<std::size_t>(index)].name;
+  enum Naming { off, begun, on };
+  int& naming = *ImGui::GetStateStorage()->GetIntRef(ImGui::GetID("naming"));
+  if (naming != off) {
+    ImGui::SetNextItemWidth(width);
+    if (naming == begun) ImGui::SetKeyboardFocusHere();
+    textField("##name", name, "name");
+    naming = ImGui::IsItemDeactivated() ? off : on;
+    return;
+  }
+  const char* label = name.empty() ? "(no name)" : name.c_str();
+  const bool chosen = index == state.camera.bookmark;
+  if (ImGui::Selectable(label, chosen, ImGuiSelectableFlags_AllowDoubleClick, {width, 0})) {
+    naming = ImGui::IsMouseDoubleClicked(0) ? begun : off;
+    if (naming == off) goToBookmark(state, static_cast<std::size_t>(index));
+  }
+  hint("Go there; a double click opens a field for its name");
+}
+
 }  // namespace
 
 void cameraSection(ViewerState& state) {
@@ -128,14 +149,12 @@ void bookmarkSection(ViewerState& state) {
   textField("##bookmarks", file, "file");
   fileHint(file);
   const float close = ImGui::GetFrameHeight();
+  ImGui::PushID(state.scene.path.c_str());  // another model's are no rows of these
   for (int i = 0; i < static_cast<int>(camera.bookmarks.size()); ++i) {
     ImGui::PushID(i);
     const float width = ImGui::GetContentRegionAvail().x - close - ImGui::GetStyle().ItemInnerSpacing.x;
     ImGui::AlignTextToFramePadding();
-    const std::string& label = camera.bookmarks[static_cast<std::size_t>(i)].name;
-    if (ImGui::Selectable(label.empty() ? "(no name)" : label.c_str(), i == camera.bookmark, 0, {width, 0})) {
-      goToBookmark(state, static_cast<std::size_t>(i));
-    }
+    bookmarkRow(state, i, width);
     ImGui::SameLine(0, ImGui::GetStyle().ItemInnerSpacing.x);
     const bool remove = ImGui::SmallButton("x");
     ImGui::PopID();
@@ -144,6 +163,7 @@ void bookmarkSection(ViewerState& state) {
       break;
     }
   }
+  ImGui::PopID();
 }
 
 }  // namespace tg

@@ -50,6 +50,11 @@ void goToBookmark(ViewerState& state, std::size_t index) {
   state.camera.bookmark = static_cast<int>(index);
 }
 
+bool sameBookmarks(const std::vector<Camera>& a, const std::vector<Camera>& b) {
+  return std::ranges::equal(
+      a, b, [](const Camera& x, const Camera& y) { return x == y && x.name == y.name && x.test == y.test; });
+}
+
 void stepBookmark(ViewerState& state, int step) {
   const int count = static_cast<int>(state.camera.bookmarks.size());
   if (count == 0) return notify(state, "No bookmarks yet: Shift+B sets one");

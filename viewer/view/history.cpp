@@ -10,6 +10,7 @@
 
 #include "core/system/assert.h"
 #include "render/settings_members.h"
+#include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
 #include "viewer/view/path_editor.h"
@@ -182,7 +183,7 @@ std::string stepName(const ViewSnapshot& before, const ViewSnapshot& after) {
     return after.selection ? "Select " + std::to_string(after.selection->count) : "Select none";
   }
   if (before.display != after.display) return displayName(before.display, after.display);
-  if (before.bookmarks->cameras.size() != after.bookmarks->cameras.size()) {
+  if (!sameBookmarks(before.bookmarks->cameras, after.bookmarks->cameras)) {
     return listName(before.bookmarks->cameras.size(), after.bookmarks->cameras.size(), "bookmark");
   }
   if (before.path->path != after.path->path) {
@@ -254,9 +255,7 @@ void moveCameras(ViewerState& state, const HistoryStep& step, bool back) {
 }  // namespace
 
 bool ViewSnapshot::Bookmarks::operator==(const Bookmarks& other) const {
-  return at == other.at && std::ranges::equal(cameras, other.cameras, [](const Camera& a, const Camera& b) {
-           return a == b && a.name == b.name && a.test == b.test;
-         });
+  return at == other.at && sameBookmarks(cameras, other.cameras);
 }
 
 void recordChanges(ViewerState& state, bool busy, bool flowing) {

@@ -156,11 +156,12 @@ Session withOthers(Session own, const Session& before, const Session& now) {
   if (own.recent.size() > kMaxRecentFiles) own.recent.resize(kMaxRecentFiles);
   const Session mine = own;
   std::erase_if(own.bookmarks, [&](const ModelBookmarks& entry) {
-    return entry.cameras == bookmarksOf(before, entry.model) && entry.cameras != bookmarksOf(now, entry.model);
+    return sameBookmarks(entry.cameras, bookmarksOf(before, entry.model)) &&
+           !sameBookmarks(entry.cameras, bookmarksOf(now, entry.model));
   });
   for (const ModelBookmarks& entry : now.bookmarks) {
     const std::vector<Camera> known = bookmarksOf(before, entry.model);
-    if (entry.cameras == known) continue;
+    if (sameBookmarks(entry.cameras, known)) continue;
     const auto among = [](const std::vector<Camera>& cameras, const Camera& camera) {
       return std::ranges::find(cameras, camera) != cameras.end();
     };

@@ -882,6 +882,47 @@ TEST_CASE("fields of the crop box and of moves take finite numbers, and no corne
   CHECK(state.edit.move == glm::dvec3(2.5, 0, 0));
 }
 
+TEST_CASE("a double click on a bookmark opens a field for its name, and the new one is one step") {
+  ViewerState state = bareState();
+  state.ui.tab = Tab::camera;
+  for (int i = 0; i < 3; ++i) addBookmark(state);
+  const Interface interface;
+  const auto frame = [&](ImVec2 at, bool pressed) {
+    const ImGuiID over = interface.hovered(state, at, pressed);
+    recordChanges(state, pressed || ImGui::IsAnyItemActive(), false);
+    return over;
+  };
+  for (int i = 0; i < 3; ++i) frame({-1, -1}, false);
+  const ImGuiWindow& page = pageWindow();
+  // The row above the last one, from below.
+  ImVec2 place(page.Pos.x + 30, Interface::kHeight - 5);
+  ImGuiID last = 0;
+  for (ImGuiID over = 0; over == 0 || over == last; place.y -= 3) {
+    REQUIRE(place.y > page.Pos.y);
+    over = frame(place, false);
+    if (last == 0) last = over;
+  }
+  for (const bool pressed : {true, false}) frame(place, pressed);
+  CHECK(state.camera.bookmark == 1);
+  CHECK_FALSE(ImGui::GetIO().WantTextInput);
+  const std::size_t steps = state.history.steps.size();
+  for (const bool pressed : {true, false, false, false}) frame(place, pressed);
+  CHECK(ImGui::GetIO().WantTextInput);
+  for (const char* key = " from above"; *key; ++key) {
+    ImGui::GetIO().AddInputCharacter(static_cast<unsigned>(*key));
+    frame({-1, -1}, false);
+  }
+  for (const bool pressed : {false, true, false, false}) frame({600, 500}, pressed);
+  CHECK_FALSE(ImGui::GetIO().WantTextInput);
+  CHECK(state.camera.bookmarks[1].name == " from above");  // all of the old one was marked
+  CHECK(state.history.steps.size() == steps + 1);
+  CHECK(undoName(state) == "Change bookmark");
+  undo(state);
+  CHECK(state.camera.bookmarks[1].name == "view 2");
+  for (const bool pressed : {false, true, false}) frame(place, pressed);
+  CHECK_FALSE(ImGui::GetIO().WantTextInput);  // a row again
+}
+
 TEST_CASE("another page begins at its top, however far the one before was scrolled") {
   ViewerState state = fullState();
   const Interface interface;

@@ -191,6 +191,17 @@ TEST_CASE("bookmarks that two windows add to one model are all kept") {
   CHECK(bookmarksOf(withOthers(own, before, now), "/m/both").size() == kMaxBookmarks);
 }
 
+TEST_CASE("a bookmark that one window has named keeps its name when another one closes") {
+  Camera one = lookAt({1, 2, 3}, {0, 0, 0}, {0, -1, 0}, 0.7, 64, 48);
+  Session before;
+  keepBookmarks(before, "/m", {one});
+  Session now = before;
+  one.name = "from above";
+  keepBookmarks(now, "/m", {one});
+  CHECK(bookmarksOf(withOthers(before, before, now), "/m").front().name == "from above");
+  CHECK(bookmarksOf(withOthers(now, before, before), "/m").front().name == "from above");
+}
+
 TEST_CASE("a session's name without a folder is one of the working folder") {
   const TemporaryFolder folder;
   const std::filesystem::path before = std::filesystem::current_path();
