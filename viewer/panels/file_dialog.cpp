@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -253,31 +254,49 @@ std::string lossOf(const ClosingQuestion& question) {
          (again ? "\nIts file has changed; reading it again loses them." : "");
 }
 
+// The answers to a question, side by side. The arrow keys and Tab choose the one that Enter gives, which is lit: the
+// first one where the question is `fresh`. Returns the one that was given; -1: none.
+int answers(std::span<const char* const> labels, bool fresh) {
+  const auto pressed = [](ImGuiKey key) { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key)); };
+  const bool back = pressed(ImGuiKey_LeftArrow) || (pressed(ImGuiKey_Tab) && ImGui::GetIO().KeyShift);
+  const bool on = pressed(ImGuiKey_RightArrow) || (pressed(ImGuiKey_Tab) && !ImGui::GetIO().KeyShift);
+  const int count = static_cast<int>(labels.size());
+  int& lit = *ImGui::GetStateStorage()->GetIntRef(ImGui::GetID("lit"));
+  lit = fresh ? 0 : (lit + on - back + count) % count;
+  int given = enterPressed() ? lit : -1;
+  for (int i = 0; i < count; ++i) {
+    const char* label = labels[static_cast<std::size_t>(i)];
+    const float width = ImGui::CalcTextSize(label).x + 2 * ImGui::GetStyle().FramePadding.x;
+    if (i > 0) ImGui::SameLine();
+    ImGui::PushStyleColor(ImGuiCol_Button, i == lit ? kAccent : ImGui::GetStyleColorVec4(ImGuiCol_Button));
+    if (ImGui::Button(label, {std::max(width, ImGui::GetFontSize() * 6), 0})) given = i;
+    ImGui::PopStyleColor();
+    hint(i + 1 == count ? "Esc" : i == lit ? "Enter" : "Left, Right or Tab, then Enter");
+  }
+  return given;
+}
+
 void closingQuestion(ViewerState& state, bool escape) {
   constexpr const char* kId = "closing";
   if (!state.desktop.question) return;
-  escape = !open(kId) && escape;
+  const bool fresh = open(kId);
   const ImVec2 window = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({window.x / 2, window.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
   if (!ImGui::BeginPopupModal(kId, nullptr, kDialogWindow | ImGuiWindowFlags_AlwaysAutoResize)) return;
   ImGui::TextUnformatted(lossOf(*state.desktop.question).c_str());
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.3f});
-  const ImVec2 size(ImGui::GetFontSize() * 6, 0);
   const bool of_run = state.desktop.question->what == Unsaved::run;
-  const bool save = ImGui::Button(of_run ? "Go on" : "Save", size) || enterPressed();
-  hint("Enter");
-  ImGui::SameLine();
-  const bool discard = of_run ? ImGui::Button("Leave it paused") : ImGui::Button("Discard", size);
-  ImGui::SameLine();
-  const bool cancel = ImGui::Button("Cancel", size) || escape;
-  hint("Esc");
-  if (save || discard || cancel) ImGui::CloseCurrentPopup();
+  enum { save, discard, cancel };
+  const std::array labels = {of_run ? "Go on" : "Save", of_run ? "Leave it paused" : "Discard", "Cancel"};
+  int answer = answers(labels, fresh);
+  if (answer < 0 && escape && !fresh) answer = cancel;
+  if (answer >= 0) ImGui::CloseCurrentPopup();
   ImGui::EndPopup();
-  if (save) {
+  if (answer == save) {
     saveUnsaved(state);
-  } else if (discard) {
+  } else if (answer == discard) {
     discardUnsaved(state);
-  } else if (cancel) {
+  } else if (answer == cancel) {
     keepUnsaved(state);
   }
 }

@@ -37,6 +37,9 @@ class Interface {
     ImGuiIO& io = ImGui::GetIO();
     io.IniFilename = nullptr;
     io.DisplaySize = {kWidth, kHeight};
+#if IMGUI_VERSION_NUM < 18700
+    for (int key = 0; key < ImGuiKey_COUNT; ++key) io.KeyMap[key] = key;
+#endif
     unsigned char* pixels = nullptr;
     int width = 0, height = 0;
     io.Fonts->GetTexDataAsAlpha8(&pixels, &width, &height);
@@ -51,6 +54,17 @@ class Interface {
     drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}}, false);
     ImGui::EndFrame();
     return context_->HoveredId;
+  }
+  // A key goes down and up, in a frame each.
+  void press(ViewerState& state, ImGuiKey key) const {
+    for (const bool down : {true, false}) {
+#if IMGUI_VERSION_NUM < 18700
+      ImGui::GetIO().KeysDown[key] = down;
+#else
+      ImGui::GetIO().AddKeyEvent(key, down);
+#endif
+      (void)hovered(state, {-1, -1});
+    }
   }
   // All words of the panel.
   std::string text(ViewerState& state) const {
@@ -224,6 +238,61 @@ TEST_CASE("no two widgets of the welcome, a dialog or the question share an ID")
     drawn(state);
     CHECK(state.desktop.question);
   }
+}
+
+TEST_CASE("every answer of the question before something is lost is given by keys") {
+  // How many steps to the right, or with Tab, from the first one.
+  const auto answered = [](Unsaved what, std::initializer_list<ImGuiKey> keys) {
+    ViewerState state = bareState();
+    state.desktop.question = ClosingQuestion{{}, what, "tiny.tgz"};
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    for (const ImGuiKey key : keys) interface.press(state, key);
+    CHECK(state.desktop.question);
+    interface.press(state, ImGuiKey_Enter);
+    CHECK_FALSE(state.desktop.question);
+    return state;
+  };
+  constexpr ImGuiKey kRight = ImGuiKey_RightArrow, kLeft = ImGuiKey_LeftArrow, kTab = ImGuiKey_Tab;
+  CHECK(answered(Unsaved::path, {}).desktop.wanted == FileUse::savePath);
+  CHECK(answered(Unsaved::path, {kRight, kLeft}).desktop.wanted == FileUse::savePath);
+  CHECK(answered(Unsaved::path, {kRight, kTab, kTab}).desktop.wanted == FileUse::savePath);
+  for (const auto& keys : {std::initializer_list<ImGuiKey>{kRight}, {kTab}, {kLeft, kLeft}}) {
+    CHECK(answered(Unsaved::path, keys).quit);
+    const ViewerState left = answered(Unsaved::run, keys);
+    CHECK(left.quit);
+    CHECK_FALSE(left.follow.order);
+  }
+  const ViewerState stays = answered(Unsaved::path, {kLeft});
+  CHECK_FALSE(stays.quit);
+  CHECK_FALSE(stays.desktop.wanted);
+}
+
+TEST_CASE("the answer that Enter gives is lit, and the next question begins with its first one") {
+  ViewerState state = bareState();
+  state.desktop.question = ClosingQuestion{{}, Unsaved::path, "tiny.tgz"};
+  const Interface interface;
+  const auto lit = [&] {
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow* window = ImGui::FindWindowByName("closing");
+    REQUIRE(window);
+    float left = Interface::kWidth;
+    for (const ImDrawVert& point : window->DrawList->VtxBuffer) {
+      if (point.col == ImGui::GetColorU32(kAccent)) left = std::min(left, point.pos.x);
+    }
+    return left;
+  };
+  const float first = lit();
+  interface.press(state, ImGuiKey_RightArrow);
+  const float second = lit();
+  CHECK(second > first);
+  CHECK(second < Interface::kWidth);
+  addKey(state);
+  state.desktop.question->what = Unsaved::run;
+  interface.press(state, ImGuiKey_Enter);
+  REQUIRE(state.desktop.question);
+  CHECK(state.desktop.question->what == Unsaved::path);
+  CHECK(lit() == Approx(first).margin(1));
 }
 
 TEST_CASE("a press of the pointer reaches the widget that it is over, on every page") {
