@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 #include <vector>
 
 #include "core/system/error.h"
@@ -91,6 +92,10 @@ void help(ViewerState& state) {
   ImGui::SetNextWindowBgAlpha(0.94f);
   ImGui::Begin("help", nullptr, kOverlay);
   ImGui::SetWindowFontScale(scale);
+  state.ui.help_scrolls = ImGui::GetScrollMaxY() > 0;
+  const float page = ImGui::GetWindowHeight() - 2 * ImGui::GetFrameHeight();  // some lines stay in view
+  const int pages = std::exchange(state.ui.help_pages, 0);
+  if (pages != 0) ImGui::SetScrollY(ImGui::GetScrollY() + static_cast<float>(pages) * page);
   ImGui::TextDisabled("KEYS AND MOUSE");
   ImGui::SameLine();
   if (ImGui::SmallButton("Close")) state.ui.help = false;  // in a small window it covers what opened it

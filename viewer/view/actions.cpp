@@ -344,6 +344,10 @@ void runAction(ViewerState& state, const KeyBinding& binding) {
 }
 
 bool pressKey(ViewerState& state, int key, bool shift) {
+  if (state.ui.help && state.ui.help_scrolls && !shift && (key == kKeyPageDown || key == kKeyPageUp)) {
+    state.ui.help_pages += key == kKeyPageDown ? 1 : -1;
+    return true;
+  }
   for (const KeyBinding& binding : kBindings) {
     if (binding.key != key || binding.shift != shift) continue;
     runAction(state, binding);

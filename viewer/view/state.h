@@ -114,6 +114,8 @@ struct UiState {
   double scale = 1;                  // [ImGui units] of what one is at 96 dpi; written by the window
   Tab tab = Tab::view;
   bool help = false;
+  bool help_scrolls = false;  // it has more lines than the window room; written by the panels
+  int help_pages = 0;         // that it is still to be scrolled down by
   bool menu = false;        // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
   bool continuous = false;  // draw without pause, to watch frame times
   double escape_until = 0;  // [s] window time: Esc, pressed again, quits

@@ -23,6 +23,7 @@
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "viewer/panels/widgets.h"
+#include "viewer/view/actions.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/path_editor.h"
@@ -604,6 +605,37 @@ TEST_CASE("the list of keys keeps letters that can be read, scrolls where it has
     CHECK(window->ScrollbarY == (size.y < 1000));
     if (size.x > 600) CHECK(window->ContentSize.x <= window->Size.x);
   }
+}
+
+TEST_CASE(
+    "Page Down and Page Up scroll the list of keys where it has no room, and only there are not those of models") {
+  ViewerState state = fullState();
+  state.ui.help = true;
+  const Interface interface;
+  for (const bool low : {true, false}) {
+    INFO(low);
+    ImGui::GetIO().DisplaySize = low ? ImVec2(640, 300) : ImVec2(1900, 1400);
+    for (int i = 0; i < 4; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiWindow* window = ImGui::FindWindowByName("help");
+    REQUIRE(window);
+    const auto scrolled = [&](int key) {
+      state.documents.show_request.reset();
+      CHECK(pressKey(state, key, false));
+      CHECK(state.documents.show_request.has_value() != low);
+      for (int i = 0; i < 2; ++i) (void)interface.hovered(state, {-1, -1});
+      return window->Scroll.y;
+    };
+    const float down = scrolled(kKeyPageDown);
+    CHECK((down > 0) == low);
+    CHECK(down < window->Size.y);
+    if (low) CHECK(scrolled(kKeyPageDown) > down);
+    for (int i = 0; i < 9; ++i) scrolled(kKeyPageUp);
+    CHECK(window->Scroll.y == 0);
+  }
+  state.ui.help_scrolls = true;
+  state.ui.help = false;
+  CHECK(pressKey(state, kKeyPageDown, false));
+  CHECK(state.documents.show_request);
 }
 
 TEST_CASE("a text is cut in its middle, between letters, to the room that there is") {
