@@ -90,7 +90,8 @@ void panelMenu(ViewerState& state) {
 
 void hiddenMenu(ViewerState& state) {
   const ImGuiIO& io = ImGui::GetIO();
-  const bool at_top = io.MousePos.y >= 0 && io.MousePos.y < (state.ui.menu ? ImGui::GetFrameHeight() : 2);
+  const float height = ImGui::GetFrameHeight();
+  const bool at_top = io.MousePos.y >= 0 && io.MousePos.y < (state.ui.menu ? height : height / 2);
   const bool across = io.MousePos.x >= 0 && io.MousePos.x < io.DisplaySize.x;
   const bool dragging = io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2];
   state.ui.menu = (at_top && across && (state.ui.menu || !dragging)) || (state.ui.menu && popupIsOpen());

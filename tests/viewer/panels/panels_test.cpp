@@ -1024,6 +1024,24 @@ TEST_CASE("a double click on a bookmark opens a field for its name, and the new 
   CHECK_FALSE(ImGui::GetIO().WantTextInput);  // a row again
 }
 
+TEST_CASE("the menu of a hidden panel comes to the upper half of its line, but to no drag, and stays over all of it") {
+  ViewerState state = fullState();
+  state.ui.panel = false;
+  const Interface interface;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  const float line = ImGui::GetFrameHeight();
+  const auto menuAt = [&](float y, bool pressed = false) {
+    (void)interface.hovered(state, {450, y}, pressed);
+    return state.ui.menu;
+  };
+  CHECK_FALSE(menuAt(line - 1));
+  CHECK_FALSE(menuAt(line / 2 - 1, true));
+  CHECK_FALSE(menuAt(line + 1));
+  CHECK(menuAt(line / 2 - 1));
+  CHECK(menuAt(line - 1));
+  CHECK_FALSE(menuAt(line + 1));
+}
+
 TEST_CASE("another page begins at its top, however far the one before was scrolled") {
   ViewerState state = fullState();
   const Interface interface;
