@@ -101,6 +101,8 @@ void result(const ViewerState& state) {
     hint(compare.problem.c_str());
   } else if (compare.with_photographs && !kPhotographOutputs.has(state.display.output)) {
     ImGui::TextDisabled("no figures: photographs have final and base");
+  } else if (isIsolated(state)) {
+    ImGui::TextDisabled("no figures of one Gaussian alone");
   } else if (compare.metrics) {
     figures(state);
   } else {

@@ -19,6 +19,9 @@ bool sameOther(const OtherPicture& a, const OtherPicture& b) {
 }  // namespace
 
 bool hasFigures(const Picture& picture) {
+  // Of one Gaussian alone the other model has nothing in such a box.
+  const std::optional<CropBox>& box = picture.request.settings.crop;
+  if (box && box->min == box->max) return false;
   return picture.pair && (!picture.photograph || kPhotographOutputs.has(picture.request.output));
 }
 

@@ -39,14 +39,17 @@ CropBox boxOfMeans(const Scene& scene, double share) {
 
 glm::dvec3 upOf(const ViewerState& state) { return upOf(state.camera.up, state.scene.up); }
 
+bool isIsolated(const ViewerState& state) {
+  return state.inspect.isolated && pickedGaussian(state) && state.scene.model;
+}
+
 RenderSettings effectiveSettings(const ViewerState& state) {
   RenderSettings settings = state.display.settings;
   if (state.display.textures_held_off) settings.textures = TextureMode::none;
   settings.outputs = {state.display.output};
   if (state.display.crop) settings.crop = state.display.box;
-  const auto picked = pickedGaussian(state);
-  if (state.inspect.isolated && picked && state.scene.model) {
-    const glm::vec3 mean = state.scene.model->mean[*picked];
+  if (isIsolated(state)) {
+    const glm::vec3 mean = state.scene.model->mean[*pickedGaussian(state)];
     settings.crop = CropBox{mean, mean};  // a box around nothing but its mean
   }
   return settings;

@@ -85,7 +85,7 @@ struct InspectState {
   bool seek = false;                // the list is to show it
   HitColumn sorted_by = HitColumn::order;
   bool descending = false;
-  bool isolated = false;  // the picked Gaussian alone is drawn
+  bool isolated = false;  // the picked Gaussian alone is to be drawn
 };
 
 // What is shown of the model, and how.
@@ -185,6 +185,7 @@ struct ViewerState {
 };
 
 glm::dvec3 upOf(const ViewerState& state);  // what the horizon is kept by
+bool isIsolated(const ViewerState& state);  // the picked Gaussian alone is drawn
 // What a frame is drawn with.
 RenderSettings effectiveSettings(const ViewerState& state);
 // The same settings, but with what they leave to the model.

@@ -722,6 +722,9 @@ TEST_CASE("figures are grey until they are those of the picture, and are none wh
   CHECK_THAT(interface.text(state), Contains("PSNR 31.25 dB") && Contains("SSIM 0.9000"));
   state.display.output = Output::depth;
   CHECK_THAT(interface.text(state), Contains("Colours 31.25 dB") && !Contains("PSNR"));
+  state.inspect.isolated = true;
+  CHECK_THAT(interface.text(state), Contains("no figures of one") && !Contains("31.25"));
+  state.inspect.isolated = false;
   state.compare.with_photographs = true;
   CHECK_THAT(interface.text(state), Contains("no figures") && !Contains("31.25"));
 }

@@ -144,6 +144,29 @@ TEST_CASE("below the name of the next photograph no figures of the one before ar
   CHECK(bench.current);
 }
 
+TEST_CASE("of one Gaussian alone there are no figures, and those of the whole come back with it") {
+  const bool photographs = GENERATE(false, true);
+  Bench bench(photographs);
+  const Picture whole = bench.picture({32, 24});
+  bench.frame(whole);
+  bench.frame(whole, true, true);
+  CHECK(bench.current);
+  bench.state.inspect.hits.resize(1);
+  bench.state.inspect.picked = 0;
+  bench.state.inspect.isolated = true;
+  Picture alone = bench.picture({32, 24}, 2);
+  alone.request.settings = effectiveSettings(bench.state);
+  CHECK_FALSE(hasFigures(alone));
+  for (int i = 0; i < 2; ++i) bench.frame(alone);
+  CHECK_FALSE(bench.said);
+  CHECK_FALSE(bench.current);
+  bench.state.inspect.isolated = false;
+  bench.frame(whole);
+  bench.frame(whole, true, true);
+  CHECK(bench.said);
+  CHECK(bench.current);
+}
+
 TEST_CASE("a photograph is measured at its own size and brightness whatever the window shows") {
   for (const Output output : {Output::final, Output::base, Output::depth}) {
     Bench bench(true);
