@@ -35,8 +35,7 @@ void stepSetting(ViewerState& state, const KeyBinding& binding) {
       std::find_if(choices.begin(), choices.end(), [&now](const auto& choice) { return choice.name == now; });
   const std::string name((at == choices.begin() ? choices.back() : *(at - 1)).name);
   setting.set(state.display.settings, name, "");
-  const std::string_view text = binding.text;
-  notify(state, std::string(text.substr(0, text.find(':'))) + ": " + name);
+  notify(state, std::string(menuWords(binding.setting)) + ": " + name);
 }
 
 // Round the cameras of one split.
@@ -354,6 +353,13 @@ bool pressKey(ViewerState& state, int key, bool shift) {
     return true;
   }
   return false;
+}
+
+std::string_view menuWords(std::string_view setting) {
+  const auto binding = std::ranges::find(kBindings, setting, &KeyBinding::setting);
+  if (setting.empty() || binding == kBindings.end()) return "";
+  const std::string_view text = binding->text;
+  return text.substr(0, text.find(':'));
 }
 
 std::string keyOf(std::string_view setting) {

@@ -42,6 +42,8 @@ void runAction(ViewerState& state, const KeyBinding& binding);
 bool canRun(const ViewerState& state, const KeyBinding& binding);
 // False: the key does nothing.
 bool pressKey(ViewerState& state, int key, bool shift);
+// What the menu calls a setting; "" where no key steps through it.
+std::string_view menuWords(std::string_view setting);
 std::string keyOf(std::string_view setting);  // " (O)", to follow a text; "" where no key steps through the setting
 
 // What the mouse and held keys do, for help and documentation: pairs of key and text.

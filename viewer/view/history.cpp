@@ -10,6 +10,7 @@
 
 #include "core/system/assert.h"
 #include "render/settings_members.h"
+#include "viewer/view/actions.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
 #include "viewer/view/inspection.h"
@@ -160,16 +161,25 @@ void restore(ViewerState& s, const ViewSnapshot& from, const ViewSnapshot& to) {
   if (from.selection != to.selection) s.edit.selection = to.selection;
 }
 
+// What its slider, else the menu, else its flag calls it.
+std::string labelOf(const RenderSetting& setting) {
+  if (setting.number || setting.whole) {
+    const std::string_view format = setting.slider.format;
+    return std::string(format.substr(0, std::min(format.find(" x %"), format.find(" %"))));
+  }
+  if (const std::string_view words = menuWords(setting.name); !words.empty()) return std::string(words);
+  std::string text(setting.name);
+  text[0] = static_cast<char>(text[0] - 'a' + 'A');
+  return text;
+}
+
 std::string displayName(const ViewSnapshot::Display& before, const ViewSnapshot::Display& after) {
   if (before.output != after.output) return "Show " + std::string(name(after.output));
   if (before.crop != after.crop) return after.crop ? "Crop box on" : "Crop box off";
   if (before.box != after.box) return "Crop box";
   if (before.resolution != after.resolution) return "Resolution";
   for (const RenderSetting& setting : renderSettings()) {
-    if (!setting.get || setting.get(before.settings) == setting.get(after.settings)) continue;
-    std::string text(setting.name);
-    text[0] = static_cast<char>(text[0] - 'a' + 'A');
-    return text;
+    if (setting.get && setting.get(before.settings) != setting.get(after.settings)) return labelOf(setting);
   }
   return "View";
 }

@@ -315,6 +315,10 @@ TEST_CASE("every kind of click is a step that can be undone and redone") {
   check("Show depth", [&] { press(state, '5'); }, [&, &o = output] { return o; });
   check("Textures", [&] { press(state, 'T'); }, [&, &s = settings] { return s; });
   check("Exposure", [&, &s = settings] { s.exposure = 1; }, [&, &s = settings] { return s; });
+  check("Size", [&, &s = settings] { s.splat_scale = 2; }, [&, &s = settings] { return s; });
+  check("SH degree", [&, &s = settings] { s.max_sh_degree = 1; }, [&, &s = settings] { return s; });
+  check("Texture filter", [&] { press(state, 'Y'); }, [&, &s = settings] { return s; });
+  check("Outside", [&, &s = settings] { s.outside = TextureOutside::clip; }, [&, &s = settings] { return s; });
   check("Crop box on", [&] { press(state, 'J'); }, [&, &c = crop] { return c; });
   check("Crop box", [&] { fitCrop(state); }, [&, &b = box] { return b; });
   check("Resolution", [&, &r = resolution] { r = 0.5; }, [&, &r = resolution] { return r; });
