@@ -3,6 +3,7 @@
 #include "converter/convert.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <span>
@@ -19,6 +20,7 @@
 #include "core/bundle/training_json.h"
 #include "core/file/atomic_files.h"
 #include "core/file/scratch_folder.h"
+#include "core/model/float_steps.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
 
@@ -52,6 +54,24 @@ void measure(const Format& format, const std::filesystem::path& output, const Bu
     report.base_psnr =
         renderedPsnr(source.model, readModel(output, {.base_only = true}).model, views, source.background);
   }
+  const bool alike = std::isinf(report.textured_psnr.value_or(report.base_psnr.value_or(0)));
+  if (!alike || !showsNothing(source.model, views)) return;
+  report.views = 0;
+  report.textured_psnr = report.base_psnr = std::nullopt;
+  report.warnings.emplace_back(std::string(kShowsNothing) + ": they are not compared");
+}
+
+// Edits may leave means where floats are too far apart for what they show; what is compared is rounded already.
+void warnOfCoarseMeans(const GaussianModel& model, ConvertReport& report) {
+  std::vector<float> far, sigmas;
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const glm::vec3 place = glm::abs(model.mean[i]);
+    const glm::vec3 scale = model.log_scale[i];
+    far.push_back(std::max({place.x, place.y, place.z}));
+    sigmas.push_back(std::exp(glm::max(glm::min(scale.x, scale.y), glm::min(glm::max(scale.x, scale.y), scale.z))));
+  }
+  const std::string coarse = coarseFloats(medianOf(far), medianOf(sigmas));
+  if (!coarse.empty()) report.warnings.push_back("means " + coarse + ", and are rounded to that");
 }
 
 // Whether numbers are rounded to steps because somebody asked for it.
@@ -237,6 +257,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   const std::vector<Camera> views =
       measured || options.target.given() ? qualityViews(source.model, source.cameras) : std::vector<Camera>();
   report.warnings = source.warnings;
+  if (!options.edits.empty()) warnOfCoarseMeans(source.model, report);
   if (options.texture_step && !isTextured(source.model)) report.warnings.emplace_back(kIdleTextureStep);
   const bool changes = changesPictures(source.model, format, options);
   if (changes && !measured && !options.dry_run && options.measure == Measure::automatic) {

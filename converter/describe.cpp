@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What tgconvert prints.
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -51,6 +53,21 @@ std::string format(const char* pattern, Args... args) {
   char line[256];
   std::snprintf(line, sizeof(line), pattern, args...);
   return line;
+}
+
+// The corners of a box, with digits enough for its sides.
+std::string spoken(glm::vec3 low, glm::vec3 high) {
+  std::array<int, 3> digits{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double farthest = std::max(std::abs(low[axis]), std::abs(high[axis]));
+    const double side = static_cast<double>(high[axis]) - low[axis];
+    const double whole = side > 0 ? std::ceil(std::log10(farthest / side)) + 4 : 0;
+    digits[axis] = static_cast<int>(std::clamp(whole, 6.0, double{std::numeric_limits<float>::max_digits10}));
+  }
+  const auto corner = [&](glm::vec3 at) {
+    return format("(%.*g, %.*g, %.*g)", digits[0], at.x, digits[1], at.y, digits[2], at.z);
+  };
+  return corner(low) + " to " + corner(high);
 }
 
 std::string decibels(double psnr) { return std::isinf(psnr) ? std::string("identical") : format("%.2f dB", psnr); }
@@ -136,7 +153,7 @@ std::string describe(const ConvertReport& report) {
     text += "\n";
   }
   if (report.views == 0) return text;
-  text += format("against the source, %zu views: ", report.views);
+  text += format("against the %s, %zu views: ", report.edits.empty() ? "source" : "edited source", report.views);
   if (report.textured_psnr) text += (report.base_psnr ? "textured " : "") + decibels(*report.textured_psnr);
   if (report.textured_psnr && report.base_psnr) text += ", ";
   if (report.base_psnr) text += "base only " + decibels(*report.base_psnr);
@@ -217,8 +234,7 @@ std::string describe(const Bundle& loaded, bool statistics) {
   text += "\nintersection: " + std::string(name(model.intersection)) + "\n";
   if (model.outside != TextureOutside::base) text += "outside: " + std::string(name(model.outside)) + "\n";
   if (model.size() > 0) {
-    text += format("bounds: (%g, %g, %g) to (%g, %g, %g)\n", facts.low.x, facts.low.y, facts.low.z, facts.high.x,
-                   facts.high.y, facts.high.z);
+    text += "bounds: " + spoken(facts.low, facts.high) + "\n";
   }
   text += format("cameras: %zu\n", loaded.cameras.size());
   if (!loaded.views.empty()) text += format("named views: %zu\n", loaded.views.size());

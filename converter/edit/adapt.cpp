@@ -97,7 +97,7 @@ Start bestStart(SplatViewer viewer, const Start& untouched, std::span<const Came
 
 // A second Gaussian, wider and faint, around those that pictures show most.
 void addSkirts(Start& start, std::size_t count, std::span<const Camera> views) {
-  const std::vector<double> weights = blendWeights(start.base, views);
+  const std::vector<double> weights = blendWeights(start.base, views, nearOf(start.base, views));
   std::vector<std::uint32_t> shown(start.base.size());
   std::iota(shown.begin(), shown.end(), 0u);
   std::ranges::stable_sort(shown, [&](std::uint32_t a, std::uint32_t b) { return weights[a] > weights[b]; });

@@ -192,7 +192,8 @@ bool changesTo(const Bundle& loaded, std::size_t count) { return count == 0 || c
 
 // How much of its pictures each Gaussian is.
 std::vector<double> shownWeights(const Bundle& loaded) {
-  return blendWeights(loaded.model, contributionViews(loaded.model, loaded.cameras));
+  const std::vector<Camera> views = contributionViews(loaded.model, loaded.cameras);
+  return blendWeights(loaded.model, views, nearOf(loaded.model, views));
 }
 
 void decimateTo(Bundle& loaded, const Edit& edit) {

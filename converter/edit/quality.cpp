@@ -4,14 +4,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
+#include <utility>
 
 #include "converter/gltf/axes.h"
 #include "core/image/image.h"
 #include "core/image/metrics.h"
+#include "core/model/float_steps.h"
 #include "core/model/verbs.h"
 #include "core/model/views.h"
 #include "core/system/assert.h"
+#include "render/contribution.h"
 #include "render/renderer.h"
 #include "shared/limits.h"
 
@@ -23,11 +27,12 @@ constexpr int kQualitySide = 256;  // [px]
 constexpr std::size_t kContributionViews = 24;
 constexpr int kContributionSide = 160;  // [px]
 constexpr double kRingFov = 50.0 * M_PI / 180.0;
-constexpr double kRingLift = 0.35;    // height of the ring over the centre, as a part of its radius
-constexpr double kNearMargin = 0.25;  // [world units] beyond the near plane of shaders/shared/limits.h
-constexpr double kResolved = 1e-9;    // of a place's distance from the origin: what a camera's numbers still tell apart
-constexpr double kFarthest = 1e38;    // [world units] floats reach so far
-constexpr double kTrim = 0.05;        // of the means at either end of an axis: floaters do not set the distance
+constexpr double kRingLift = 0.35;  // height of the ring over the centre, as a part of its radius
+constexpr double kNearest = 1e-6;   // [world units] of a ring around nothing
+constexpr double kResolved = 1e-9;  // of a place's distance from the origin: what a camera's numbers still tell apart
+constexpr double kFarthest = 1e38;  // [world units] floats reach so far
+constexpr double kTrim = 0.05;      // of the means at either end of an axis: floaters do not set the distance
+constexpr double kNearPart = 0.2;   // of how near the median Gaussian comes to a view that has it in its picture
 
 Camera shrunk(const Camera& camera, int max_side) {
   TG_ASSERT(max_side >= 1, "a picture has pixels");
@@ -66,8 +71,8 @@ std::vector<Camera> evenViews(const GaussianModel& model, std::span<const Camera
   const glm::dvec3 center = 0.5 * (low + high);
   double radius = 0.5 * glm::length(high - low);
   if (radius == 0.0) radius = 3.0 * glm::max(sigma.x, sigma.y);
-  const double distance = std::clamp(std::max(radius / std::sin(0.5 * kRingFov), radius + kNearMargin),
-                                     kResolved * glm::length(center), kFarthest);
+  const double distance =
+      std::clamp(radius / std::sin(0.5 * kRingFov), std::max(kNearest, kResolved * glm::length(center)), kFarthest);
   for (std::size_t i = 0; i < max_views; ++i) {
     const double angle = 2.0 * M_PI * static_cast<double>(i) / static_cast<double>(max_views);
     const glm::dvec3 direction = glm::normalize(glm::dvec3(std::sin(angle), -kRingLift, -std::cos(angle)));
@@ -86,6 +91,21 @@ std::vector<Camera> contributionViews(const GaussianModel& model, std::span<cons
   return evenViews(model, cameras, viewsForAll(model.mean, cameras, kContributionViews), kContributionSide);
 }
 
+float nearOf(const GaussianModel& model, std::span<const Camera> views) {
+  std::vector<double> nearest;
+  for (const Sighting& sighting : sightings(model.mean, views)) {
+    if (sighting.views > 0) nearest.push_back(sighting.nearest);
+  }
+  if (nearest.empty()) return kNear;
+  const auto near = static_cast<float>(kNearPart * medianOf(std::move(nearest)));
+  return std::clamp(near, std::numeric_limits<float>::min(), kNear);
+}
+
+bool showsNothing(const GaussianModel& model, std::span<const Camera> views) {
+  const std::vector<double> weights = blendWeights(model, views, nearOf(model, views));
+  return std::ranges::none_of(weights, [](double weight) { return weight > 0; });
+}
+
 double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<const Camera> views,
                     glm::vec3 background) {
   TG_ASSERT(!views.empty(), "a view at least");
@@ -96,6 +116,7 @@ double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<co
   RenderSettings settings;
   settings.background = background;
   settings.outputs = {Output::final};
+  settings.near = nearOf(a, views);
   // All views as one tall image: views of any size count by their pixels.
   Image all_a, all_b;
   for (const Camera& view : views) {

@@ -17,7 +17,16 @@ std::vector<Camera> qualityViews(const GaussianModel& model, std::span<const Cam
 // Gaussian must know.
 std::vector<Camera> contributionViews(const GaussianModel& model, std::span<const Camera> cameras);
 
-// PSNR [dB] of all views' pixels together, clamped to [0, 1]; infinity when equal. Rendered on the CPU.
+// The near plane [world units] for pictures of a model: that of shaders/shared/limits.h, and nearer where the scene is
+// so small that it would cut much of what the views have in their pictures.
+float nearOf(const GaussianModel& model, std::span<const Camera> views);
+
+constexpr const char* kShowsNothing = "nothing of the model shows in the pictures that it is judged by";
+// Whether no picture of the views has anything of the model: what is compared there is alike whatever it is.
+bool showsNothing(const GaussianModel& model, std::span<const Camera> views);
+
+// PSNR [dB] of all views' pixels together, clamped to [0, 1]; infinity when equal. Rendered on the CPU, from
+// nearOf() of `a` on.
 double renderedPsnr(const GaussianModel& a, const GaussianModel& b, std::span<const Camera> views,
                     glm::vec3 background);
 

@@ -88,6 +88,9 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
 
 Chosen chooseSteps(const Format& format, const std::filesystem::path& name, const Bundle& source,
                    std::span<const Camera> views, const WriteOptions& options, const Target& target) {
+  if (target.psnr > 0 && showsNothing(source.model, views)) {
+    throw Error(ErrorKind::usage, "--target-psnr: " + std::string(kShowsNothing));
+  }
   const auto search = [&](const Bundle& of) { return stepsFor(format, name, of, views, options, target); };
   const bool has_choice = isTextured(source.model) && format.holds(kKeepsTextures) && !options.base;
   if (target.bytes == 0 || !has_choice || !isMeasuredUnasked(source.model)) return {.steps = search(source)};

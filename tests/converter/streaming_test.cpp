@@ -192,8 +192,8 @@ TEST_CASE("a Gaussian as far out as floats reach is converted and rendered") {
       writeSplatPly(scratch.folder() / "in.ply", model);
       const ConvertReport report = convert(scratch.folder() / "in.ply", scratch.folder() / "out.ply",
                                            {.overwrite = true, .measure = Measure::always});
-      REQUIRE(report.textured_psnr);
-      CHECK(std::isinf(*report.textured_psnr));  // the same model: the same pictures
+      // The same model: the same pictures, where they show it.
+      CHECK((!report.textured_psnr || std::isinf(*report.textured_psnr)));
     }
   }
 }
@@ -203,7 +203,7 @@ TEST_CASE("a model without Gaussians is converted and rendered, and edited no fu
   const auto in = scratch.folder() / "in.ply";
   writeSplatPly(in, GaussianModel());
   ConvertOptions options = {.overwrite = true, .measure = Measure::always};
-  CHECK(std::isinf(*convert(in, scratch.folder() / "out.ply", options).textured_psnr));
+  CHECK(!convert(in, scratch.folder() / "out.ply", options).textured_psnr);  // nothing shows
   options.edits = {{"--decimate", "50%"}};
   CHECK_THROWS_AS(convert(in, scratch.folder() / "out.ply", options), Error);
 }

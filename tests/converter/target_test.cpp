@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of the size, or with pictures as near to the source's, as somebody asked for.
+#include <algorithm>
+
 #include "converter/convert.h"
 #include "converter/edit/quality.h"
 #include "converter/gltf/meshopt.h"
@@ -84,6 +86,50 @@ TEST_CASE("a small file of a textured model is as near to it as one without its 
     CAPTURE(name, bytes);
     CHECK(psnrOf(textured) >= psnrOf(plain) - 0.1);
   }
+}
+
+TEST_CASE("a scene that the near plane would hide gets the steps that it gets at its usual size") {
+  const Scratch scratch;
+  const auto to = scratch.folder() / "a.sog";
+  const auto stepsAt = [&](const std::string& scale) {
+    const ConvertReport report =
+        convert(source(scratch), to, {.overwrite = true, .target = {.psnr = 35}, .edits = {{"--scale", scale}}});
+    REQUIRE(report.textured_psnr);
+    CHECK(*report.textured_psnr >= 35);
+    CHECK(*report.textured_psnr < 36);
+    return static_cast<double>(report.steps.value());
+  };
+  CHECK(stepsAt("0.005") == Approx(stepsAt("1")).epsilon(0.05));  // the search ends at 2.5 %
+}
+
+TEST_CASE("nothing is compared, and no likeness found, where no camera has the model in its picture") {
+  const Scratch scratch;
+  Bundle bundle = readBundle(source(scratch));
+  bundle.cameras[0].translation.z = -100;  // behind it
+  const auto from = scratch.folder() / "behind.tgz", to = scratch.folder() / "a.sog";
+  writeBundle(from, bundle);
+  const ConvertReport report = convert(from, to);
+  CHECK(report.views == 0);
+  CHECK(!report.textured_psnr);
+  CHECK(std::ranges::count(report.warnings, std::string(kShowsNothing) + ": they are not compared") == 1);
+  const auto aimed = [&] { convert(from, to, {.overwrite = true, .target = {.psnr = 35}}); };
+  CHECK(test::messageOf(aimed, ErrorKind::usage) == std::string("--target-psnr: ") + kShowsNothing);
+}
+
+TEST_CASE("an edit says where it leaves means so far out that floats are coarser than what they show") {
+  const Scratch scratch;
+  const auto from = source(scratch), to = scratch.folder() / "a.tgz";
+  const auto warningsAt = [&](const std::string& x) {
+    const ConvertReport report =
+        convert(from, to, {.overwrite = true, .measure = Measure::never, .edits = {{"--translate", x + ",0,0"}}});
+    return std::ranges::count_if(report.warnings, [](const std::string& warning) {
+      return warning.starts_with("means lie ") && warning.ends_with(" apart, and are rounded to that");
+    });
+  };
+  CHECK(warningsAt("1000") == 0);
+  CHECK(warningsAt("4000000") == 1);
+  CHECK(describe(readModel(to)).find("bounds: (400") == std::string::npos);  // not one number for both ends
+  CHECK(describe(readModel(to)).find("bounds: (3999") != std::string::npos);
 }
 
 TEST_CASE("targets that nothing reaches, or that a format has no steps for, are refused in words and write nothing") {
