@@ -31,6 +31,7 @@ Dataset Dataset::load(const std::filesystem::path& folder, const DatasetOptions&
     tg::DatasetOptions own;
     own.downscale = options.downscale;
     own.test_every = options.test_every;
+    own.normalize = options.normalize;
     if (options.background) own.background = finiteColorOf(*options.background);
     return Dataset(std::make_shared<const Parts>(Parts{loaded(folder, own), own.background.has_value()}));
   });

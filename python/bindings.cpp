@@ -493,13 +493,16 @@ void bindTraining(py::module_& module) {
       .def_static(
           "load",
           [](const std::filesystem::path& folder, int downscale, const std::optional<std::array<float, 3>>& background,
-             int test_every) { return Dataset::load(folder, {downscale, background, test_every}); },
+             int test_every,
+             bool normalize) { return Dataset::load(folder, {downscale, background, test_every, normalize}); },
           "folder"_a, py::kw_only(), "downscale"_a = 1, "background"_a = py::none(), "test_every"_a = 8,
-          py::call_guard<py::gil_scoped_release>(), R"(A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder.
+          "normalize"_a = false, py::call_guard<py::gil_scoped_release>(),
+          R"(A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder.
 
 downscale: whole number. background: RGB behind transparent photographs; None: the data set's own, else white for
 NeRF-synthetic, else black; an evaluation goes over the model's then. test_every: every n-th photograph is held out
-where the data set has no split; 0: none.)")
+where the data set has no split; 0: none. normalize: cameras and points are moved and scaled, of scenes that are small
+or far from the origin; a line of warnings says how a model is brought back.)")
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
       .def("__repr__",

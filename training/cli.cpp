@@ -46,6 +46,8 @@ void addDatasetFlags(CLI::App& app, DatasetFlags& flags) {
       ->check(within(0, 1 << 30))
       ->capture_default_str();
   app.add_option("--points", flags.points, "Initial points (.ply) instead of the data set's own")->type_name("FILE");
+  app.add_flag("--normalize", flags.normalize,
+               "Move and scale cameras and points: the model is of that world, and a line says how to bring it back");
   app.option_defaults()->group(before);
 }
 
@@ -54,6 +56,7 @@ DatasetOptions datasetOptions(const DatasetFlags& flags) {
   options.layout = parse<DatasetLayout>(flags.layout).value_or(DatasetLayout::automatic);
   options.downscale = flags.downscale;
   options.test_every = flags.test_every;
+  options.normalize = flags.normalize;
   options.validation = flags.validation;
   options.masks = parse<MaskMeaning>(flags.masks).value_or(MaskMeaning::hidden);
   options.images = flags.images;

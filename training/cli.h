@@ -17,6 +17,7 @@ struct DatasetFlags {
   std::string points;
   int downscale = 1;
   int test_every = 8;
+  bool normalize = false;
   bool validation = false;
   std::string masks = "hidden";
   std::uint64_t image_memory = 0;  // [MiB]; 0: a quarter of the machine's

@@ -40,6 +40,7 @@ void addUndistortFlags(CLI::App& app, UndistortFlags& flags) {
   app.add_flag("--overwrite", flags.overwrite, "Replace an existing data set");
   app.add_flag("-q,--quiet", flags.quiet, "Errors only");
   addDatasetFlags(app, flags.dataset);
+  app.remove_option(app.get_option("--normalize"));  // what is written is the data set's world
   addExamples(app, {{"tgtrain undistort fox straight", "photographs of pinhole cameras"},
                     {"tgtrain undistort fox straight --downscale 2", "at half the size"},
                     {"tgtrain undistort truck straight --layout colmap", "of a folder that holds several layouts"},

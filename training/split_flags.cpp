@@ -109,7 +109,7 @@ void addSplitFlags(CLI::App& app, SplitFlags& flags) {
   app.add_flag("-q,--quiet", flags.quiet, "Errors only");
   addDatasetFlags(app, flags.data);
   // What decides which photographs there are; all else is of training (--train).
-  for (const char* name : {"--background", "--downscale", "--masks", "--image-memory", "--validation"}) {
+  for (const char* name : {"--background", "--downscale", "--masks", "--image-memory", "--validation", "--normalize"}) {
     app.remove_option(app.get_option(name));
   }
   addExamples(app, {{"tgtrain split city blocks --blocks 3x3", "nine blocks"},

@@ -356,6 +356,9 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
   }
   if (options.watch) requireViewer();
   checkDatasetOptions(datasetOptions(options.data));
+  if (!options.context.empty() && options.data.normalize) {
+    throw Error(ErrorKind::usage, "--context is of the data set's own world (expected no --normalize)");
+  }
   if (!options.context.empty() && !isFile(options.context)) {
     throw Error(ErrorKind::cannotRead, options.context, "no such file");
   }
@@ -378,6 +381,7 @@ std::string trainingMadeOf(const TrainFlags& options) {
         std::to_string(data.downscale), std::to_string(data.test_every), std::to_string(data.validation)}) {
     text += part + "\n";
   }
+  if (data.normalize) text += "normalize\n";
   if (options.target_bytes > 0 || options.steps > 0) {
     for (const auto& [name, value] : quantizedFor(options)) text += name + " " + value + "\n";
   }

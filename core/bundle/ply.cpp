@@ -97,7 +97,7 @@ void writeSplatPly(const std::filesystem::path& path, const GaussianModel& model
   });
 }
 
-PointCloud readPointCloudPly(const std::filesystem::path& path) {
+PointCloud readPointCloudPly(const std::filesystem::path& path, const glm::dvec3& origin) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxPlyBytes);
   const PlyVertices ply(bytes, path.string(), "point");
   std::vector<int> columns = {ply.require("x"), ply.require("y"), ply.require("z")};
@@ -114,13 +114,16 @@ PointCloud readPointCloudPly(const std::filesystem::path& path) {
       ply.fail("unsupported type of property red (expected uchar, ushort or float)");
     }
   }
+  std::vector<double> offsets(columns.size(), 0.0);
+  for (int axis = 0; axis < 3; ++axis) offsets[static_cast<std::size_t>(axis)] = origin[axis];
   PointCloud cloud;
   cloud.position.resize(ply.size());
   cloud.color.assign(ply.size(), glm::vec3(0.5f));
-  ply.read(columns, [&](std::size_t i, std::span<const float> v) {
+  const auto take = [&](std::size_t i, std::span<const float> v) {
     cloud.position[i] = {v[0], v[1], v[2]};
     if (colored) cloud.color[i] = glm::clamp(glm::vec3(v[3], v[4], v[5]) * scale, 0.0f, 1.0f);
-  });
+  };
+  ply.read(columns, take, true, offsets);
   return cloud;
 }
 

@@ -23,19 +23,19 @@ constexpr std::size_t kBlock = 4096;          // vertices a thread takes at once
 static_assert(std::endian::native == std::endian::little, "scalar loads below assume a little-endian machine");
 
 template <typename T>
-float load(const std::uint8_t* from, bool swap) {
+double load(const std::uint8_t* from, bool swap) {
   std::uint8_t raw[sizeof(T)];
   std::memcpy(raw, from, sizeof(T));
   if (swap) std::reverse(raw, raw + sizeof(T));
   T value;
   std::memcpy(&value, raw, sizeof(T));
-  return static_cast<float>(value);
+  return static_cast<double>(value);
 }
 
 struct Type {
   std::array<std::string_view, 2> names;
   std::size_t bytes;
-  float (*load)(const std::uint8_t* from, bool swap);
+  double (*load)(const std::uint8_t* from, bool swap);
 };
 template <typename T>
 constexpr Type typeOf(std::string_view name, std::string_view sized_name) {
@@ -62,9 +62,9 @@ std::string_view nextWord(std::string_view& text) {
 }
 
 // False when `word` is no number. Magnitudes beyond double become infinity or 0, as a C library would have it.
-bool parseNumber(std::string_view word, float& value) {
+bool parseNumber(std::string_view word, double& number) {
   if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
-  double number = 0.0;
+  number = 0.0;
   const auto [end, status] = std::from_chars(word.data(), word.data() + word.size(), number);
   if (end != word.data() + word.size() || word.empty()) return false;
   if (status == std::errc::result_out_of_range) {
@@ -72,7 +72,6 @@ bool parseNumber(std::string_view word, float& value) {
   } else if (status != std::errc()) {
     return false;
   }
-  value = static_cast<float>(number);
   return true;
 }
 
@@ -271,12 +270,13 @@ void PlyVertices::failNotFinite(std::size_t vertex, int property) const {
   fail(label(vertex) + ": " + properties_[static_cast<std::size_t>(property)].name + " is not finite");
 }
 
-void PlyVertices::readAscii(std::span<const int> indices, const Visit& visit, bool must_be_finite) const {
+void PlyVertices::readAscii(std::span<const int> indices, const Visit& visit, bool must_be_finite,
+                            std::span<const double> offsets) const {
   std::string_view text(reinterpret_cast<const char*>(body_.data()), body_.size());
   for (std::uint64_t i = 0; i < tokens_before_; ++i) {
     if (nextWord(text).empty()) fail("file ends before the vertices");
   }
-  std::vector<float> row(properties_.size());
+  std::vector<double> row(properties_.size());
   std::vector<float> values(indices.size());
   for (std::size_t i = 0; i < count_; ++i) {
     for (std::size_t p = 0; p < row.size(); ++p) {
@@ -287,7 +287,8 @@ void PlyVertices::readAscii(std::span<const int> indices, const Visit& visit, bo
       }
     }
     for (std::size_t k = 0; k < indices.size(); ++k) {
-      values[k] = row[static_cast<std::size_t>(indices[k])];
+      const double value = row[static_cast<std::size_t>(indices[k])];
+      values[k] = static_cast<float>(offsets.empty() ? value : value - offsets[k]);
       if (must_be_finite && !std::isfinite(values[k])) failNotFinite(i, indices[k]);
     }
     visit(i, values);
@@ -295,7 +296,8 @@ void PlyVertices::readAscii(std::span<const int> indices, const Visit& visit, bo
   if (last_element_ && !nextWord(text).empty()) fail("file is longer than its counts say");
 }
 
-void PlyVertices::readBinary(std::span<const int> indices, const Visit& visit, bool must_be_finite) const {
+void PlyVertices::readBinary(std::span<const int> indices, const Visit& visit, bool must_be_finite,
+                             std::span<const double> offsets) const {
   // The first offender of each block; -1: none. Reported in file order, whatever thread finds it.
   struct Offender {
     std::size_t vertex = 0;
@@ -310,7 +312,8 @@ void PlyVertices::readBinary(std::span<const int> indices, const Visit& visit, b
       const std::uint8_t* vertex = body_.data() + i * stride_;
       for (std::size_t k = 0; k < indices.size(); ++k) {
         const PlyProperty& property = properties_[static_cast<std::size_t>(indices[k])];
-        values[k] = typeOf(property.type).load(vertex + property.offset, swap);
+        const double value = typeOf(property.type).load(vertex + property.offset, swap);
+        values[k] = static_cast<float>(offsets.empty() ? value : value - offsets[k]);
         if (must_be_finite && !std::isfinite(values[k])) {
           offenders[static_cast<std::size_t>(block)] = {i, indices[k]};
           return;
@@ -324,13 +327,15 @@ void PlyVertices::readBinary(std::span<const int> indices, const Visit& visit, b
   }
 }
 
-void PlyVertices::read(std::span<const int> indices, const Visit& visit, bool must_be_finite) const {
+void PlyVertices::read(std::span<const int> indices, const Visit& visit, bool must_be_finite,
+                       std::span<const double> offsets) const {
   TG_ASSERT(hasProperties(indices), "the file has these properties");
   TG_ASSERT(begin_ + body_.size() == total_, "all of the file is at hand");
+  TG_ASSERT(offsets.empty() || offsets.size() == indices.size(), "an offset a property");
   if (format_ == Format::ascii) {
-    readAscii(indices, visit, must_be_finite);
+    readAscii(indices, visit, must_be_finite, offsets);
   } else {
-    readBinary(indices, visit, must_be_finite);
+    readBinary(indices, visit, must_be_finite, offsets);
   }
 }
 

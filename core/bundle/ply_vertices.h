@@ -53,7 +53,9 @@ class PlyVertices {
   // Calls visit(vertex, values) for every vertex, values[k] belonging to properties()[indices[k]]. From several threads
   // when binary. Throws Error(badData) naming the first vertex and property that is not finite, if they must be.
   using Visit = std::function<void(std::size_t vertex, std::span<const float> values)>;
-  void read(std::span<const int> indices, const Visit& visit, bool must_be_finite = true) const;
+  // offsets: one a property, which is taken away before the number becomes a float; none: 0.
+  void read(std::span<const int> indices, const Visit& visit, bool must_be_finite = true,
+            std::span<const double> offsets = {}) const;
 
  private:
   enum class Format { ascii, little, big };
@@ -68,8 +70,10 @@ class PlyVertices {
   void parseHeader(std::vector<Element>& elements);
   void parseProperty(std::string_view line, Element& element) const;
   void locateVertices(const std::vector<Element>& elements, std::string_view element);
-  void readAscii(std::span<const int> indices, const Visit& visit, bool must_be_finite) const;
-  void readBinary(std::span<const int> indices, const Visit& visit, bool must_be_finite) const;
+  void readAscii(std::span<const int> indices, const Visit& visit, bool must_be_finite,
+                 std::span<const double> offsets) const;
+  void readBinary(std::span<const int> indices, const Visit& visit, bool must_be_finite,
+                  std::span<const double> offsets) const;
   bool hasProperties(std::span<const int> indices) const;
   std::string label(std::size_t vertex) const;  // "Gaussian 7"
   [[noreturn]] void failNotFinite(std::size_t vertex, int property) const;

@@ -156,6 +156,7 @@ class Dataset:
         downscale: int = ...,
         background: Optional[_Color] = ...,
         test_every: int = ...,
+        normalize: bool = ...,
     ) -> Dataset: ...
     def __len__(self) -> int: ...
     @property

@@ -335,6 +335,7 @@ class Training(Folder):
         shutil.copytree(self.scene.name, scene)
         (scene / "train/r_1.png").unlink()
         self.assertEqual(tg.Dataset.load(self.scene.name).warnings, [])
+        self.assertRegex(tg.Dataset.load(self.scene.name, normalize=True).warnings[0], "^normalized: .* times as large")
         self.assertEqual(len(tg.Dataset.load(scene)), 7)
         self.assertRegex(tg.Dataset.load(scene).warnings[0], "^1 of 8 listed images are missing .*train/r_1")
 

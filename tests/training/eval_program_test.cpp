@@ -134,6 +134,12 @@ TEST_CASE("tgeval tells of a model of other photographs, or of others' size", "[
   CHECK(tgeval(folder, "model.tgz other -q --report more").output.empty());
   REQUIRE(tgtrain(train + "choice.tgz --validation").code == 0);
   CHECK(tgeval(folder, "choice.tgz scene -q").output.empty());
+  const Outcome moved = tgtrain(train + "moved.tgz --normalize");
+  REQUIRE(moved.code == 0);
+  CHECK_THAT(moved.output,
+             Contains("scene: normalized: ") && Contains(" (tgconvert brings a model back with --scale "));
+  CHECK_THAT(tgeval(folder, "moved.tgz scene").output, Contains("none of its 6 cameras is among the views"));
+  CHECK_THAT(tgeval(folder, "moved.tgz scene --normalize").output, !Contains("none of its"));
 }
 
 TEST_CASE("tgeval draws beyond textures what it is told to, and says so", "[programs]") {

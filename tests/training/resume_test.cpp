@@ -146,6 +146,10 @@ TEST_CASE("what does not fit a run folder is refused by name", "[resume]") {
           "run/checkpoint: is of a run with other settings: --seed (expected 1, found 2)");
   refused(kRun + "--run run --resume --downscale 2", 1, "other data: image-size (expected 32x32, found 16x16)");
   refused(kRun + "--run run --resume --background black", 1, "other data: background (expected 1,1,1, found 0,0,0)");
+  refused(kRun + "--run run --resume --normalize", 1, "other data: ");
+  refused(kRun + "--run new --normalize --context run/model.tgz", 1, "(expected no --normalize)");
+  refused("undistort scene straight --normalize", 1, "--normalize");
+  refused("split scene blocks --blocks 2x1 --normalize", 1, "--normalize");
   refused(kBase + "-o x.tgz --resume", 1, "--resume expects a run folder");
   refused(kRun + "--run new --watch", 5, "--watch: no");
   refused(kRun + "--run scene", 4, "scene: exists already");

@@ -15,6 +15,7 @@
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "training/data/dataset.h"
+#include "training/data/normalize.h"
 
 namespace tg {
 namespace fs = std::filesystem;
@@ -293,15 +294,16 @@ std::vector<ColmapImage> readImagesText(const fs::path& path) {
   return images;
 }
 
-void addPoint(const fs::path& path, glm::dvec3 position, const std::array<double, 3>& rgb, PointCloud& points) {
+void addPoint(const fs::path& path, glm::dvec3 position, const std::array<double, 3>& rgb, const glm::dvec3& origin,
+              PointCloud& points) {
   if (!std::isfinite(position.x + position.y + position.z)) {
     fail(path, "point " + std::to_string(points.position.size()) + " is not finite");
   }
-  points.position.emplace_back(position);
+  points.position.emplace_back(position - origin);
   points.color.push_back(glm::vec3(glm::dvec3(rgb[0], rgb[1], rgb[2]) / 255.0));
 }
 
-PointCloud readPointsBinary(const fs::path& path) {
+PointCloud readPointsBinary(const fs::path& path, const glm::dvec3& origin) {
   Reader reader(path);
   PointCloud points;
   const std::uint64_t count = reader.readCount(51, "points");
@@ -315,12 +317,12 @@ PointCloud readPointsBinary(const fs::path& path) {
     for (double& value : rgb) value = reader.read<std::uint8_t>("a point's colour");
     reader.skip(sizeof(double), "a point's error");
     reader.skip(reader.readCount(8, "a point's track") * 8, "a point's track");
-    addPoint(path, position, rgb, points);
+    addPoint(path, position, rgb, origin, points);
   }
   return points;
 }
 
-PointCloud readPointsText(const fs::path& path) {
+PointCloud readPointsText(const fs::path& path, const glm::dvec3& origin) {
   Lines lines(path);
   PointCloud points;
   while (lines.next()) {
@@ -330,7 +332,7 @@ PointCloud readPointsText(const fs::path& path) {
     for (int c = 0; c < 3; ++c) position[c] = lines.read<double>("a position");
     std::array<double, 3> rgb;
     for (double& value : rgb) value = std::clamp(lines.read<double>("a colour"), 0.0, 255.0);
-    addPoint(path, position, rgb, points);
+    addPoint(path, position, rgb, origin, points);
   }
   return points;
 }
@@ -400,7 +402,7 @@ std::optional<fs::path> findColmapModel(const fs::path& folder, bool below_colma
   return model;
 }
 
-DatasetIndex readColmap(const fs::path& folder) {
+DatasetIndex readColmap(const fs::path& folder, bool normalize) {
   const std::optional<fs::path> model = findColmapModel(folder);
   if (!model) fail(folder, "no COLMAP model (expected cameras.bin or cameras.txt in sparse/0 or sparse)");
   DatasetIndex index;
@@ -434,9 +436,10 @@ DatasetIndex readColmap(const fs::path& folder) {
     entry.below_images = image.name;
     index.entries.push_back(std::move(entry));
   }
+  if (normalize) index.origin = middleOf(index.entries);
   if (isFile(points_path)) {
     index.points_file = points_path.filename().string();
-    index.points = binary ? readPointsBinary(points_path) : readPointsText(points_path);
+    index.points = binary ? readPointsBinary(points_path, index.origin) : readPointsText(points_path, index.origin);
   }
   return index;
 }

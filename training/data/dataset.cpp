@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <locale>
 #include <mutex>
 #include <set>
@@ -15,6 +16,7 @@
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
 #include "core/system/parallel.h"
+#include "training/data/normalize.h"
 
 namespace tg {
 namespace fs = std::filesystem;
@@ -285,7 +287,7 @@ void dropRepeated(const fs::path& folder, bool scored, DatasetIndex& index, std:
 
 PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std::vector<std::string>& notes) {
   if (options.points) {
-    PointCloud points = readPointCloudPly(*options.points);
+    PointCloud points = readPointCloudPly(*options.points, index.origin);
     if (points.position.empty()) {
       throw Error(ErrorKind::badData, options.points->string(), "holds no points (expected at least one)");
     }
@@ -492,10 +494,14 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     if (!layout) throw Error(ErrorKind::badData, (place / kBlockName).string(), "\"layout\" is none");
     dataset.layout = *layout;
   }
+  if (block && options.normalize) {
+    throw Error(ErrorKind::usage, place.string(), "is a block: a whole scene alone can be normalized");
+  }
   if (block) dataset.block = block->block;
   if (dataset.layout == DatasetLayout::automatic) dataset.layout = detectLayout(folder);
-  DatasetIndex index =
-      dataset.layout == DatasetLayout::colmap ? readColmap(folder) : readTransforms(folder, dataset.layout);
+  DatasetIndex index = dataset.layout == DatasetLayout::colmap
+                           ? readColmap(folder, options.normalize)
+                           : readTransforms(folder, dataset.layout, options.normalize);
   const fs::path whole = fs::absolute(folder).lexically_normal();
   for (DatasetIndex::Entry& entry : index.entries) {
     entry.listed = fs::absolute(entry.image).lexically_normal().lexically_relative(whole).string();
@@ -505,12 +511,14 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   dataset.background = options.background.value_or(index.background.value_or(usual));
   dataset.random_background = options.random_background;
   dataset.validation = options.validation;
+  dataset.normalized = options.normalize;
   dataset.masks = options.masks;
   if (block && !options.points) {
     dataset.points = readPointCloudPly(place / "points3d.ply");
   } else {
     dataset.points = choosePoints(options, index, dataset.notes);
   }
+  if (options.normalize) normalize(index, dataset.points, dataset.notes);
   checkPoints(options.points.value_or(place), dataset.points);
 
   std::string images = options.images;
@@ -600,25 +608,11 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     leaveOutHidden(place, options.only_test.value_or(false), downscale, index, dataset.notes);
   }
   loadPhotographs(index, downscale, options, dataset);
+  if (options.part == 0) std::ranges::copy(notesOnPlace(dataset), std::back_inserter(dataset.notes));
   return dataset;
 }
 
-// Of their distance from the origin, or from what they see: cameras that are this near each other are at one place, but
-// for the rounding of what wrote them.
-constexpr double kOnePlace = 1e-7;
-
-double cameraExtent(const Dataset& dataset) {
-  const std::vector<std::size_t> train = dataset.indices(false);
-  glm::dvec3 mean(0.0);
-  for (std::size_t i : train) mean += dataset.views[i].position() / static_cast<double>(train.size());
-  double radius = 0, farthest = 0;
-  for (std::size_t i : train) {
-    radius = std::max(radius, glm::length(dataset.views[i].position() - mean));
-    farthest = std::max(farthest, glm::length(dataset.views[i].position()));
-  }
-  // One camera, or several at one place but for rounding, span nothing: fall back to the unit of the world.
-  return radius > kOnePlace * farthest ? 1.1 * radius : 1.0;
-}
+double cameraExtent(const Dataset& dataset) { return spanOf(trainingViews(dataset)).value_or(1.0); }
 
 double sceneExtent(const Dataset& dataset, double distances) {
   const double extent = cameraExtent(dataset);
@@ -630,6 +624,7 @@ double sceneExtent(const Dataset& dataset, double distances) {
   if (nearest.empty()) return extent;
   const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
   std::nth_element(nearest.begin(), middle, nearest.end());
+  constexpr double kOnePlace = 1e-7;  // of their distance to what they see: as near are cameras at one place
   return std::min(extent > kOnePlace * *middle ? extent : 1.0, distances * *middle);
 }
 

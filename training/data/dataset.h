@@ -34,6 +34,7 @@ struct Dataset {
   PointCloud points;                           // empty when the data set has none
   glm::vec3 background{0.0f};                  // what scores are taken against, and training without random_background
   bool random_background = false;              // transparency is kept: training composites over a new colour every time
+  bool normalized = false;                     // moved and scaled as it was read
   bool validation = false;                     // the views called test are training views that were held out
   MaskMeaning masks = MaskMeaning::hidden;
   std::vector<std::string> notes;                // what a user should know: one line each, without the data set's path
@@ -71,6 +72,8 @@ struct DatasetOptions {
   // others their own alone: of other views they have no camera but its name.
   int part = 0;
   int parts = 1;
+  // Cameras and points are moved and scaled (training/data/normalize.h): the model is of that world. Not for blocks.
+  bool normalize = false;
   bool cameras_only = false;  // photographs are decoded when asked for, at the start only where they say the size
   // Told while photographs are decoded for the first time, from any thread, one call at a time.
   std::function<void(std::size_t done, std::size_t count)> decoded;
@@ -121,6 +124,7 @@ struct DatasetIndex {
     std::optional<double> focal_x, focal_y, center_x, center_y;
   };
   std::vector<Entry> entries;
+  glm::dvec3 origin{0.0};  // [world units] middleOf() where it is to be normalized: what points are from, cameras not
   PointCloud points;
   std::string points_file;  // where they are from; empty: the data set names none
   bool points_missing = false;
@@ -132,13 +136,14 @@ struct DatasetIndex {
 // Of transforms.json, three numbers from 0 to 1; ours alone (docs/training.md).
 constexpr const char* kBackgroundKey = "background";
 // nerfSynthetic: transforms_train.json and transforms_test.json. transforms: transforms.json, or those two without it.
-DatasetIndex readTransforms(const std::filesystem::path& folder, DatasetLayout layout = DatasetLayout::transforms);
+DatasetIndex readTransforms(const std::filesystem::path& folder, DatasetLayout layout = DatasetLayout::transforms,
+                            bool normalize = false);
 // `camera` at a size [px]: what the entry does not say follows from its field of view, of which it has one at least
 // where it has no focal length, and from the middle.
 Camera intrinsicsOf(const DatasetIndex::Entry& entry, Camera camera, glm::ivec2 size);
 // Whether a file of transforms has "fl_x", for all frames or for the first. Throws Error as readTransforms().
 bool namesFocalLengths(const std::filesystem::path& transforms);
-DatasetIndex readColmap(const std::filesystem::path& folder);
+DatasetIndex readColmap(const std::filesystem::path& folder, bool normalize = false);
 // The COLMAP model's folder below a data set: sparse/0, sparse, or the sparse/N with the most photographs.
 // below_colmap: or so in the folder colmap beside images, as nerfstudio has it.
 std::optional<std::filesystem::path> findColmapModel(const std::filesystem::path& folder, bool below_colmap = true);

@@ -11,6 +11,7 @@
 #include "core/model/rotation.h"
 #include "core/system/error.h"
 #include "training/data/dataset.h"
+#include "training/data/normalize.h"
 
 namespace tg {
 namespace fs = std::filesystem;
@@ -269,7 +270,7 @@ void readPoints(const JsonNode& top, const fs::path& folder, DatasetIndex& index
   }
   index.points_missing = !index.points_file.empty() && !isFile(folder / index.points_file);
   if (!index.points_file.empty() && !index.points_missing) {
-    index.points = readPointCloudPly(folder / index.points_file);
+    index.points = readPointCloudPly(folder / index.points_file, index.origin);
   }
 }
 
@@ -305,7 +306,7 @@ bool namesFocalLengths(const fs::path& transforms) {
   return frames != json.end() && frames->is_array() && !frames->empty() && frames->front().contains("fl_x");
 }
 
-DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout) {
+DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout, bool normalize) {
   const auto exists = [&](const char* file) { return isFile(folder / file); };
   DatasetIndex index;
   const bool one_file = exists("transforms.json");
@@ -325,6 +326,7 @@ DatasetIndex readTransforms(const fs::path& folder, DatasetLayout layout) {
     index.has_split = true;
   }
   index.background = background(top);
+  if (normalize) index.origin = middleOf(index.entries);
   readPoints(top, folder, index);
   return index;
 }

@@ -11,8 +11,9 @@
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
-#include "shaders/shared/limits.h"
 #include "core/system/random.h"
+#include "shaders/shared/limits.h"
+#include "training/data/normalize.h"
 
 namespace tg {
 namespace {
@@ -95,27 +96,13 @@ struct Cube {
 };
 
 Cube startingCube(const Dataset& dataset) {
-  if (dataset.layout == DatasetLayout::nerfSynthetic) return {};
-  // The point nearest to all optical axes in the least-squares sense: sum (I - d d^T) (x - o) = 0. The small multiple
-  // of the identity keeps parallel axes solvable and pulls to the cameras' mean.
-  const std::vector<std::size_t> train = dataset.indices(false);
-  glm::dvec3 mean(0.0);
-  for (std::size_t i : train) mean += dataset.views[i].position() / static_cast<double>(train.size());
-  constexpr double kPull = 1e-3;
-  glm::dmat3 matrix(kPull);
-  glm::dvec3 right = kPull * mean;
-  for (std::size_t i : train) {
-    const Camera& camera = dataset.views[i];
-    const glm::dvec3 axis = glm::transpose(camera.rotation)[2];
-    const glm::dmat3 projector = glm::dmat3(1.0) - glm::outerProduct(axis, axis);
-    matrix += projector;
-    right += projector * camera.position();
-  }
+  if (dataset.layout == DatasetLayout::nerfSynthetic && !dataset.normalized) return {};
+  const std::vector<Camera> views = trainingViews(dataset);
   Cube cube;
-  cube.center = glm::inverse(matrix) * right;
+  cube.center = lookedAt(views);
   cube.half = 0;
-  for (std::size_t i : train) {
-    cube.half += glm::length(dataset.views[i].position() - cube.center) / static_cast<double>(train.size());
+  for (const Camera& view : views) {
+    cube.half += glm::length(view.position() - cube.center) / static_cast<double>(views.size());
   }
   // Nearer than kNear nothing is drawn. So near to what they look at are also cameras that look from one place or along
   // parallel axes, which look at nothing in particular.

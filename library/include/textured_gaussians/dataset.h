@@ -21,6 +21,9 @@ struct DatasetOptions {
   // evaluation without one goes over the model's (evaluate.h).
   std::optional<std::array<float, 3>> background = {};
   int test_every = 8;  // every n-th photograph by name is held out, where the data set has no split; 0: none; not 1
+  // Cameras and points are moved and scaled, of scenes that are small or far from the origin: a model of them is of
+  // that world, which a line of warnings() says how to leave. An evaluation wants the same.
+  bool normalize = false;
 };
 
 // Does not change: copies share its memory. One that was moved from is still the same.
