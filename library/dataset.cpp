@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "textured_gaussians/dataset.h"
 
+#include <cstddef>
+#include <string>
 #include <system_error>
 
 #include "library/access.h"
@@ -8,8 +10,19 @@
 namespace textured_gaussians {
 namespace {
 
+// `message` without `front`, the working folder with a slash, before the paths that it names.
+std::string asGiven(std::string message, const std::string& front) {
+  for (std::size_t at = 0; (at = message.find(front, at)) != message.npos; ++at) {
+    const std::size_t end = at + front.size();
+    if ((at > 0 && message[at - 1] != ' ') || message.compare(end, 1, " ") == 0) continue;  // no path's beginning
+    const bool bare = message.compare(end, 2, "?)") == 0;                                   // the working folder itself
+    message.replace(at, front.size(), bare ? "./" : "");
+  }
+  return message;
+}
+
 // By its whole path, since photographs are read for as long as there is the data set. What is wrong with it is said of
-// the path that the caller knows.
+// paths that the caller knows.
 tg::Dataset loaded(const std::filesystem::path& folder, const tg::DatasetOptions& options) {
   std::error_code reason;
   const std::filesystem::path whole = std::filesystem::absolute(folder, reason);
@@ -17,9 +30,9 @@ tg::Dataset loaded(const std::filesystem::path& folder, const tg::DatasetOptions
   try {
     return tg::loadDataset(whole, options);
   } catch (const tg::Error& error) {
-    const std::string message = error.what(), named = tg::printable(whole.string());
-    if (!message.starts_with(named)) throw;
-    throw tg::Error(error.kind, folder.string() + message.substr(named.size()));
+    if (folder.is_absolute()) throw;
+    const std::string front = whole.string().substr(0, whole.string().size() - folder.string().size());
+    throw tg::Error(error.kind, asGiven(error.what(), tg::printable(front)));
   }
 }
 

@@ -505,6 +505,30 @@ TEST_CASE("a data set of a relative path is read from there wherever the program
   CHECK(evaluate(model, dataset).views.size() == 2);
 }
 
+TEST_CASE("what is wrong with a data set of a relative path is said of relative paths") {
+  using Catch::Matchers::EndsWith, Catch::Matchers::StartsWith;
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  const auto said = [](const std::filesystem::path& given) {
+    return messageOf([&] { Dataset::load(given); }, ErrorKind::badData);
+  };
+  {
+    const WorkingFolder working(folder.path);
+    CHECK_THAT(said("."), StartsWith(".: ") && EndsWith(" (did you mean ./scene?)"));
+    CHECK_THAT(said("scene/train"), StartsWith("scene/train: ") && EndsWith(" (did you mean scene/?)"));
+    const std::string whole = folder.path.string();
+    CHECK_THAT(said(whole), StartsWith(whole + ": ") && EndsWith(" (did you mean " + whole + "/scene?)"));
+  }
+  {
+    const WorkingFolder working(folder / "scene");
+    CHECK_THAT(said("train"), StartsWith("train: ") && EndsWith(" (did you mean ./?)"));
+  }
+  const WorkingFolder working("/");
+  const std::filesystem::path place = folder.path.relative_path();
+  CHECK_THAT(said(place), StartsWith(place.string() + ": ") && Contains("cameras.bin / cameras.txt") &&
+                              EndsWith(" (did you mean " + place.string() + "/scene?)"));
+}
+
 TEST_CASE("a data set that the system does not show is refused with the system's reason") {
   const TemporaryFolder folder;
   std::filesystem::create_symlink("loop", folder / "loop");
