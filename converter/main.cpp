@@ -307,13 +307,13 @@ void addSizes(CLI::App& app, Arguments& arguments) {
           ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target.psnr,
                  "sog, glb, gltf, html: the coarsest steps with which pictures are so near to the source's [dB]")
-      ->check(tg::within(1.0, 100.0))
+      ->check(tg::within(tg::kLeastTargetPsnr, tg::kMostTargetPsnr))
       ->excludes(target_size)
       ->excludes(steps);
   app.add_option("--texture-step", arguments.options.texture_step,
                  "sog, glb, gltf, html: between a texture's colours, coarser where they weigh less; 1/32 without it "
                  "for sog and --steps")
-      ->check(tg::within(1.0f / 1024, 0.5f));
+      ->check(tg::within(tg::kLeastTextureStep, tg::kMostTextureStep));
   app.add_flag(
       "--quantize", arguments.options.quantize,
       "glb, gltf, html: integers for rotations, opacities, COLOR_0; with --meshopt fewer bits for scales and SH");

@@ -55,16 +55,21 @@ decltype(auto) guarded(const Body& body) {
   }
 }
 
-// Throws tg::Error(usage) for a path that no file has, and for one of which the system sees a part.
-inline void requirePath(const std::filesystem::path& path) {
-  if (path.empty()) throw tg::Error(tg::ErrorKind::usage, "path", "an empty file name");
+// Throws tg::Error(usage), of `what`, for a path that no file has, and for one of which the system sees a part.
+inline void requirePath(const std::filesystem::path& path, const std::string& what = "path") {
+  if (path.empty()) throw tg::Error(tg::ErrorKind::usage, what, "an empty file name");
   if (path.native().find('\0') != std::string::npos) {
-    throw tg::Error(tg::ErrorKind::usage, "path", "a name holds a NUL byte");
+    throw tg::Error(tg::ErrorKind::usage, what, "a name holds a NUL byte");
   }
 }
 
 // Settings and edits may be named as messages name them, by the programs' flags.
 inline std::string withoutDashes(const std::string& name) { return name.starts_with("--") ? name.substr(2) : name; }
+// What a message calls one: by its name, or what was given in quotes where that is none.
+inline std::string calledBy(const std::string& given) {
+  const std::string name = withoutDashes(given);
+  return name.empty() ? '"' + given + '"' : name;
+}
 
 // The first throws Error(usage) for a camera that is none.
 tg::Camera cameraOf(const Camera& camera);

@@ -59,12 +59,12 @@ std::vector<tg::Edit> editsOf(const ConvertOptions& options, const tg::ReadOptio
     const std::string flag = "--" + name;
     const auto option = std::ranges::find(tg::editOptions(), flag, &tg::EditOption::name);
     if (option == tg::editOptions().end()) {
-      throw tg::Error(tg::ErrorKind::usage, name, "no such edit (docs/converter.md has them)");
+      throw tg::Error(tg::ErrorKind::usage, calledBy(given), "no such edit (docs/converter.md has them)");
     }
     if (std::string_view(option->value).empty() && !value.empty()) {
       throw tg::Error(tg::ErrorKind::usage, name, "takes no value (expected \"\", found \"" + value + "\")");
     }
-    if (option->value == "FILE") requirePath(value);
+    if (option->value == "FILE") requirePath(value, name);
     edits.push_back({flag, value, reading});
   }
   return edits;
@@ -77,8 +77,8 @@ tg::ConvertOptions optionsOf(const ConvertOptions& options) {
   }
   requireRange("--steps", options.steps, tg::kLeastSteps, tg::kMostSteps);
   requireRange<std::uint64_t>("--target-size", options.target_size, 1, std::numeric_limits<std::uint64_t>::max());
-  requireRange("--target-psnr", options.target_psnr, 1.0, 100.0);
-  requireRange("--texture-step", options.texture_step, 1.0f / 1024, 0.5f);
+  requireRange("--target-psnr", options.target_psnr, tg::kLeastTargetPsnr, tg::kMostTargetPsnr);
+  requireRange("--texture-step", options.texture_step, tg::kLeastTextureStep, tg::kMostTextureStep);
   requireRange("--spz-version", options.spz_version, tg::kOldestSpz, tg::kNewestSpz);
   tg::ConvertOptions own;
   own.overwrite = options.overwrite;
@@ -110,7 +110,12 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     requirePath(input);
     requirePath(output);
     const tg::ConvertOptions own = optionsOf(options);
-    tg::refuseIdle(flagsOf(options), &tg::outputFormat(output), [&] { return std::vector{input}; }, own);
+    const tg::Format& format = tg::outputFormat(output);
+    if (options.measure && !format.read) {  // nor of an edit is there a number in the report
+      throw tg::Error(tg::ErrorKind::usage,
+                      "--psnr does nothing here: a ." + std::string(format.name) + " is not read again");
+    }
+    tg::refuseIdle(flagsOf(options), &format, [&] { return std::vector{input}; }, own);
     tg::ConvertReport report = tg::convert(input, output, own);
     const std::optional<double> psnr = report.textured_psnr ? report.textured_psnr : report.base_psnr;
     return ConvertReport{report.input_format,

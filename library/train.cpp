@@ -21,7 +21,7 @@ namespace {
   for (const tg::SettingEntry& entry : tg::settingEntries()) names.push_back(entry.name);
   const std::string near = tg::nearestName(name, names);
   throw tg::Error(
-      tg::ErrorKind::usage, name,
+      tg::ErrorKind::usage, calledBy(name),
       "no such setting (" + (near.empty() ? "docs/training.md has them" : "did you mean " + near + "?") + ")");
 }
 

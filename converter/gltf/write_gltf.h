@@ -25,7 +25,8 @@ enum class AtlasFormat {
 constexpr auto namesOf(AtlasFormat) { return enumNames("png8", "png16", "exr", "webp"); }
 
 constexpr float kLeastSteps = 1.0f / 8, kMostSteps = 64;
-constexpr float kTextureStep = 1.0f / 32;
+constexpr float kTextureStep = 1.0f / 32, kLeastTextureStep = 1.0f / 1024, kMostTextureStep = 1.0f / 2;
+constexpr double kLeastTargetPsnr = 1, kMostTargetPsnr = 100;  // [dB]
 
 // What a writer is asked for. A format that has no such thing passes over it.
 struct WriteOptions {
@@ -39,7 +40,7 @@ struct WriteOptions {
   // kMostSteps.
   std::optional<float> steps = {};
   // Between a texture's colours, coarser where they weigh less. sog, and glb, gltf with `steps`: without one
-  // kTextureStep.
+  // kTextureStep. kLeastTextureStep to kMostTextureStep.
   std::optional<float> texture_step = {};
   int spz_version = kNewestSpz;  // spz: or kOldestSpz (converter/formats/spz.h)
   bool replace = true;           // gltf, png: the files beside it where they are there already

@@ -221,7 +221,8 @@ TEST_CASE("a path that names no file is refused by every function that takes one
     CHECK(refused([&] { writeImage(path, {1, 1, 1, {1}}); }) == message);
     CHECK(refused([&] { convert(path, good); }) == message);
     CHECK(refused([&] { convert(kSample, path); }) == message);
-    CHECK(refused([&] { convert(kSample, folder / "b.tgz", {.edits = {{"merge", path.string()}}}); }) == message);
+    CHECK(refused([&] { convert(kSample, folder / "b.tgz", {.edits = {{"--merge", path.string()}}}); }) ==
+          "merge" + message.substr(message.find(':')));
     CHECK(refused([&] { Dataset::load(path); }) == message);
   }
   CHECK(std::filesystem::is_empty(folder.path));
@@ -358,6 +359,7 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   CHECK(Trainer(dataset, {.settings = {{"--iterations", "3"}}}).progress().iterations == 3);
   CHECK(refused({.settings = {{"--iterations", "3"}, {"iterations", "4"}}}) == "iterations: is given twice");
   CHECK(refused({.settings = {{"--iteration", "30"}}}) == "iteration: no such setting (did you mean iterations?)");
+  CHECK(refused({.settings = {{"--", "30"}}}).find("\"\": no such setting (") == 0);
   CHECK_THAT(refused({.preset = "best"}), Contains("best"));
   // The preset's limit gives way to the share that is named.
   CHECK_NOTHROW(Trainer(dataset, {.preset = "quick", .settings = {{"percent", "50"}, {"default-gaussians", "100"}}}));
@@ -555,6 +557,10 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
              Contains("a.glb: exists already"));
   CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"shrink", "2"}}}); }, ErrorKind::usage) ==
         "shrink: no such edit (docs/converter.md has them)");
+  for (const std::string name : {"", "--"}) {
+    CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{name, "1"}}}); }, ErrorKind::usage) ==
+          "\"" + name + "\": no such edit (docs/converter.md has them)");
+  }
   CHECK(messageOf([&] { convert(kSample, folder / "b.glb", {.edits = {{"upright", "no"}}}); }, ErrorKind::usage) ==
         "upright: takes no value (expected \"\", found \"no\")");
   CHECK(convert(kSample, folder / "a.ply", {.edits = {{"decimate", "100"}}}).gaussians == 100);
@@ -565,9 +571,10 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
   for (const float steps : {0.0f, -1.0f, 65.0f, std::numeric_limits<float>::infinity(), std::nanf("")}) {
     CHECK_THAT(refused("b.sog", {.steps = steps}), Contains("--steps: out of range (expected 0.125 to 64, found "));
   }
-  CHECK(refused("b.png", {.measure = true}) ==
-        "--psnr does nothing here: a .png is not read again, and no edit is compared");
-  CHECK_NOTHROW(convert(kSample, folder / "b.png", {.measure = true, .edits = {{"decimate", "100"}}}));
+  const std::string idle = "--psnr does nothing here: a .png is not read again";
+  CHECK(refused("b.png", {.measure = true}) == idle);
+  CHECK(refused("b.png", {.measure = true, .edits = {{"decimate", "100"}}}) == idle);
+  CHECK(!std::filesystem::exists(folder / "b.png"));
 }
 
 TEST_CASE("an option of a conversion that does nothing or has no such value is refused by its flag") {

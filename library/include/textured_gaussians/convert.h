@@ -52,7 +52,7 @@ struct ConvertReport {
 };
 
 // The output's format is its extension; what is written takes its name once it is complete. Throws Error: usage
-// (also for options that do nothing for these files, and for a target that no steps reach), cannotRead, badData,
+// (also for options that do nothing for these formats, and for a target that no steps reach), cannotRead, badData,
 // cannotWrite (also for a file that is there, without `overwrite`).
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
