@@ -36,15 +36,15 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
     writeModel(format, file, source, options, written);
   } catch (const Error& error) {
     std::string said = error.what();
-    const std::string folder = file.parent_path().string();
+    const std::string folder = printable(file.parent_path().string()), hidden = printable(file.string());
     if (file == name || !said.starts_with(folder)) throw;
     if (error.kind == ErrorKind::cannotWrite) {
       const std::size_t path = said.find(": ", folder.size());
       throw Error(error.kind, file.parent_path().parent_path().string(),
                   said.substr(path + 2) + " (a trial of " + name.filename().string() + ", in the temporary folder)");
     }
-    if (!said.starts_with(file.string())) throw;
-    throw Error(error.kind, said.replace(0, file.string().size(), name.string()));
+    if (!said.starts_with(hidden)) throw;
+    throw Error(error.kind, said.replace(0, hidden.size(), name.string()));
   }
 }
 

@@ -185,7 +185,7 @@ GltfReport writeHtml(const std::filesystem::path& path, const GltfContent& conte
         throw Error(error.kind, path.string(), "cannot write the GLB that it holds: the disk may be full");
       }
       std::string said = error.what();
-      const std::string hidden = glb_file.path().string();
+      const std::string hidden = printable(glb_file.path().string());
       if (said.starts_with(hidden)) said.replace(0, hidden.size(), path.string());
       throw Error(error.kind, said);
     }

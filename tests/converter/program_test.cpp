@@ -342,6 +342,12 @@ TEST_CASE("names of files reach the terminal without their control characters an
     CHECK(result.out.find("2.ply: in/" + shown + "2.ply: in/") == std::string::npos);
   }
   CHECK(single.err.find("warning: in/" + shown + ".ply: ") == 0);
+  writeBundle(scratch.folder() / "none.tgz", {});
+  for (const auto& [output, flags] : {std::pair<std::string, std::string>{"/none.html", ""}, {".glb", " --dry-run"}}) {
+    const Result none = tgconvert(scratch, "none.tgz " + folder + output + flags);
+    CHECK(none.code == 3);
+    CHECK(none.err == "tgconvert: in/" + shown + output + ": the model has no Gaussians\n");
+  }
 }
 
 TEST_CASE("what is named as a model in a folder and is none fails and other files are left aside") {
