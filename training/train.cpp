@@ -263,7 +263,7 @@ std::optional<RunState> Training::begin() {
                     numberText(steps));
   }
   if (options_.run.resume && !state && options_.talks()) {
-    std::printf("%s: no checkpoint yet: training starts anew\n", options_.run.folder.c_str());
+    std::printf("%s: no checkpoint yet: training starts anew\n", printable(options_.run.folder.string()).c_str());
   }
   if (options_.watch) startViewer(run_->folder(), options_.dataset);
   return state;

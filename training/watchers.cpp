@@ -9,6 +9,7 @@
 
 #include "core/bundle/training_json.h"
 #include "core/run/curves.h"
+#include "core/system/error.h"
 #include "training/run/report.h"
 #include "training/run/trained_bundle.h"
 
@@ -66,7 +67,8 @@ void Watchers::obey(const RunOrder& order) {
   if (order.command == RunCommand::stop) stop_ = true;
   if (paused_ && page_) page_->notePause();
   if (paused_ && !was && live_) {
-    std::fprintf(stderr, "tgtrain: paused by %s (go in it goes on)\n", (run_->folder() / kControlName).c_str());
+    std::fprintf(stderr, "tgtrain: paused by %s (go in it goes on)\n",
+                 printable((run_->folder() / kControlName).string()).c_str());
   }
 }
 

@@ -23,7 +23,7 @@ void listCameras(const std::filesystem::path& path) {
     std::printf("%4zu  %-5s  %5d x %-5d  fy %8.1f  %s\n", i, camera.test ? "test" : "train", camera.size.x,
                 camera.size.y, camera.focal.y, tg::printable(camera.name).c_str());
   }
-  if (cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", path.c_str());
+  if (cameras.empty()) std::fprintf(stderr, "%s: the model has no cameras\n", tg::printable(path.string()).c_str());
 }
 
 int run(int argc, char** argv) {

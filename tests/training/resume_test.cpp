@@ -169,6 +169,7 @@ TEST_CASE("what does not fit a run folder is refused by name", "[resume]") {
   const Outcome fresh = tgtrain(folder, kRun + "--run fresh --resume");
   CHECK(fresh.code == 0);
   CHECK_THAT(fresh.output, Contains("fresh: no checkpoint yet: training starts anew"));
+  CHECK_THAT(tgtrain(folder, kRun + "--run \x1bnew --resume").output, Contains("?new: no checkpoint yet"));
   // So too after a kill before the first checkpoint; what it left is gone.
   fs::create_directory(folder / "early");
   std::ofstream(folder / "early/metrics.jsonl") << "{\"stage\":\"plain\",\"iteration\":1}\n";

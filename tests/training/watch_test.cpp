@@ -19,7 +19,8 @@ const std::string kLong =
 
 // A run of the sample that goes on for ever, with its first checkpoint.
 struct LongRun {
-  explicit LongRun(const tg::TemporaryFolder& folder) : run(folder / "run"), child(folder, kLong + "--run run") {
+  explicit LongRun(const tg::TemporaryFolder& folder, const std::string& name = "run")
+      : run(folder / name), child(folder, kLong + "--run " + name) {
     child.until([&] { return fs::exists(run / "model.tgz"); });
   }
   const fs::path run;
@@ -99,6 +100,15 @@ TEST_CASE("what a killed run left of being watched is gone when it goes on", "[w
   std::ofstream(run / "control") << "pause\n";
   Child child(folder, kLong + "--run run --resume");
   child.until([&] { return !fs::exists(run / "live.tgz") && !fs::exists(run / "control"); });
+}
+
+TEST_CASE("a pause is told of a run folder without its control characters", "[watch]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  LongRun long_run(folder, "\x1brun");
+  const tg::WatchLock lock(long_run.run);
+  tg::giveOrder(long_run.run, {tg::RunCommand::pause});
+  long_run.child.until([&] { return long_run.child.output().find("paused by ?run/control (go") != std::string::npos; });
 }
 
 TEST_CASE("a page shows a run and changes none of its bytes", "[watch]") {

@@ -250,6 +250,8 @@ TEST_CASE("the flag --list-cameras names them all") {
   CHECK(result.exit_code == 0);
   CHECK(std::count(result.out.begin(), result.out.end(), '\n') == 3);
   CHECK(contains(result.out, "view2.png"));
+  writeSplatPly(shop / "\x1b.ply", test::sampleModel());
+  CHECK(shop.tgview({"\x1b.ply", "--list-cameras"}).err == "?.ply: the model has no cameras\n");
 }
 
 TEST_CASE("what is printed and lost is a failure") {
