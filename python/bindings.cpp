@@ -32,12 +32,25 @@ class ArrayLike : public py::object {
   PYBIND11_OBJECT_DEFAULT(ArrayLike, object, isThere)
 };
 
+// A value that may name a file, as paths do.
+bool isValueText(PyObject* object) {
+  return isThere(object) &&
+         (PyUnicode_Check(object) || PyBytes_Check(object) || PyObject_HasAttrString(object, "__fspath__"));
+}
+class ValueText : public py::object {
+  PYBIND11_OBJECT_DEFAULT(ValueText, object, isValueText)
+};
+
 }  // namespace
 
 // In docstrings as in __init__.pyi.
 template <>
 struct py::detail::handle_type_name<ArrayLike> {
   static constexpr auto name = const_name("numpy.typing.ArrayLike");
+};
+template <>
+struct py::detail::handle_type_name<ValueText> {
+  static constexpr auto name = const_name("str | bytes | os.PathLike");
 };
 
 namespace {
@@ -58,6 +71,12 @@ std::string fileNameFrom(const py::str& name) {
   const auto bytes = py::reinterpret_steal<py::bytes>(PyUnicode_EncodeFSDefault(name.ptr()));
   if (!bytes) throw py::error_already_set();
   return bytes;
+}
+std::string fileNameFrom(const ValueText& value) {
+  const auto text = py::reinterpret_steal<py::object>(PyOS_FSPath(value.ptr()));
+  if (!text) throw py::error_already_set();
+  if (py::isinstance<py::bytes>(text)) return py::reinterpret_borrow<py::bytes>(text);
+  return fileNameFrom(py::reinterpret_borrow<py::str>(text));
 }
 py::str fileNameOf(const std::string& name) {
   return py::reinterpret_steal<py::str>(PyUnicode_DecodeFSDefaultAndSize(name.data(), py::ssize_t(name.size())));
@@ -485,6 +504,7 @@ std::string decimals(double number, int digits) {
 std::string settingText(py::object value) {
   if (py::hasattr(value, "dtype") && py::hasattr(value, "item")) value = value.attr("item")();  // a number of NumPy's
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "on" : "off";
+  if (py::isinstance<ValueText>(value)) return fileNameFrom(py::reinterpret_borrow<ValueText>(value));
   return fileNameFrom(py::str(value));
 }
 
@@ -541,13 +561,13 @@ or far from the origin; a line of warnings says how a model is brought back.)")
   py::class_<Trainer>(module, "Trainer",
                       "A training on the processor, with all threads. Calls of several threads wait for one another.")
       .def(py::init([](const Dataset& dataset, const std::string& preset,
-                       const std::optional<std::variant<py::str, Model>>& start, const py::kwargs& settings) {
+                       const std::optional<std::variant<ValueText, Model>>& start, const py::kwargs& settings) {
              TrainOptions options{preset, {}};
              std::optional<Model> model;
              if (start && std::holds_alternative<Model>(*start)) {
                model = std::get<Model>(*start);
              } else if (start) {
-               options.settings["start"] = fileNameFrom(std::get<py::str>(*start));
+               options.settings["start"] = fileNameFrom(std::get<ValueText>(*start));
              }
              for (const auto& [key, value] : settings) {
                std::string name = fileNameFrom(py::str(key));
@@ -561,7 +581,7 @@ or far from the origin; a line of warnings says how a model is brought back.)")
            }),
            "dataset"_a, "preset"_a = "default", "start"_a = py::none(), R"(preset, and over it settings by the names of
 tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from, or
-tgtrain's setting of this name, as "random".)")
+tgtrain's setting of this name, as "random". Texts may be str, bytes and os.PathLike, as paths are.)")
       .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
            "One iteration; False: there was none left.")
       .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()),
@@ -645,7 +665,7 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
       "convert",
       [](const std::filesystem::path& input, const std::filesystem::path& output, bool overwrite, bool quantize,
          bool meshopt, bool measure, std::optional<float> steps,
-         const std::vector<std::pair<std::string, py::str>>& edits, std::optional<std::uint64_t> target_size,
+         const std::vector<std::pair<std::string, ValueText>>& edits, std::optional<std::uint64_t> target_size,
          std::optional<double> target_psnr, std::optional<float> texture_step, bool cameras,
          const std::vector<Camera>& views, bool base_only, bool lean, const std::optional<std::string>& atlas,
          std::optional<int> spz_version, const std::optional<std::string>& spz_axes,
@@ -683,14 +703,14 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
 overwrite: a file that is there. quantize, meshopt: .glb, .gltf and .html with integers, and compressed by
 EXT_meshopt_compression. measure: --psnr, draw both models and compare. steps: of .sog, .glb, .gltf and .html, how many
 times as wide as usual the steps of all numbers are, 1/8 to 64. edits: names and values of flags, in this order:
-[("scale", "2"), ("upright", "")]. target_size, target_psnr: instead of steps, the finest with which the file has at
-most this size [bytes], or the coarsest with which pictures come so near to the source's [dB], 1 to 100. texture_step:
-between a texture's colours, 1/1024 to 1/2. cameras: False leaves cameras and named views out. views: named views of
-.glb, .gltf and .html in place of the source's. base_only: of a .glb, .gltf, .html, .sog or tileset that is read,
-without its textures. lean: .glb and .gltf without the numbers that only bring a .ply back bit by bit. atlas: texels of
-.glb, .gltf, .html and .png as "png8", "png16", "exr" or "webp". spz_version: 3 or 4. spz_axes: of an .spz that is read,
-"rub" or "rdf". viewer, viewer_aim: --for and --for-aim, what viewers without textures show looks right in this one, as
-"three". dry_run: find out how large the file would be and write nothing.)");
+[("scale", "2"), ("upright", "")], values as paths: str, bytes or os.PathLike. target_size, target_psnr: instead of
+steps, the finest with which the file has at most this size [bytes], or the coarsest with which pictures come so near to
+the source's [dB], 1 to 100. texture_step: between a texture's colours, 1/1024 to 1/2. cameras: False leaves cameras and
+named views out. views: named views of .glb, .gltf and .html in place of the source's. base_only: of a .glb, .gltf,
+.html, .sog or tileset that is read, without its textures. lean: .glb and .gltf without the numbers that only bring a
+.ply back bit by bit. atlas: texels of .glb, .gltf, .html and .png as "png8", "png16", "exr" or "webp". spz_version: 3
+or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim, what viewers without
+textures show looks right in this one, as "three". dry_run: find out how large the file would be and write nothing.)");
 }
 
 }  // namespace

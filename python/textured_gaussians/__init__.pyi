@@ -6,7 +6,7 @@ from typing import Callable, List, Literal, NoReturn, Optional, Sequence, Tuple,
 import numpy as np
 import numpy.typing as npt
 
-_Path = Union[str, "os.PathLike[str]"]
+_Path = Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"]
 _Vector = Union[Sequence[float], npt.NDArray[np.floating], npt.NDArray[np.integer]]
 _Color = _Vector
 _TextureMode = Literal["none", "alpha", "rgb", "rgba"]
@@ -189,8 +189,8 @@ class Trainer:
         self,
         dataset: Dataset,
         preset: str = ...,
-        start: Union[Model, str, None] = ...,
-        **settings: Union[str, int, float, bool, np.generic],
+        start: Union[Model, _Path, None] = ...,
+        **settings: Union[_Path, int, float, bool, np.generic],
     ) -> None: ...
     def step(self) -> bool: ...
     @property
@@ -259,7 +259,7 @@ def convert(
     meshopt: bool = ...,
     measure: bool = ...,
     steps: Optional[float] = ...,
-    edits: Sequence[Tuple[str, str]] = ...,
+    edits: Sequence[Tuple[str, _Path]] = ...,
     target_size: Optional[int] = ...,
     target_psnr: Optional[float] = ...,
     texture_step: Optional[float] = ...,

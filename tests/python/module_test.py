@@ -152,7 +152,13 @@ class Models(Folder):
         other = str(self.folder / (name + ".tgz"))
         both = tg.convert(SAMPLE, self.folder / "b.ply", edits=[("--merge", other)])
         self.assertEqual(both.gaussians, 10000)
+        for value in (os.fsencode(other), pathlib.Path(other)):
+            merged = tg.convert(SAMPLE, self.folder / "b.ply", overwrite=True, edits=[("merge", value)])
+            self.assertEqual(merged.gaussians, 10000)
         self.refused("usage", name, tg.convert, SAMPLE, self.folder / "c.ply", edits=[("scale", name)])
+        self.refused("usage", "merge: a name holds a NUL byte", tg.convert, SAMPLE, self.folder / "c.ply",
+                     edits=[("merge", b"a\0b")])
+        self.assertRaises(TypeError, tg.convert, SAMPLE, self.folder / "c.ply", edits=[("scale", 2)])
 
 
 class Raising:
@@ -396,6 +402,8 @@ class Training(Folder):
         self.assertEqual(idle.warnings, ["--texture-size: does nothing with --texture-mode none"])
         random = tg.Trainer(dataset, start="random", init_count=77, iterations=1, texture_mode="none")
         self.assertEqual(random.progress.gaussians, 77)
+        taken = tg.Trainer(dataset, start=b"random", init_count=77, iterations=b"1", texture_mode=pathlib.Path("none"))
+        self.assertEqual((taken.progress.gaussians, taken.progress.iterations), (77, 1))
         self.refused("usage", "start", tg.Trainer, dataset, start="nowhere")
 
 
