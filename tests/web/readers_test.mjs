@@ -3,6 +3,7 @@
 // be read is refused with a sentence, never by a slip of the reader's own. The element is imported where there are no
 // elements, as a server does. Pixels of WebP: tests/web/webp_test.mjs.
 import {readFileSync} from 'node:fs';
+import {runInNewContext} from 'node:vm';
 import {cameraOf, matricesOf, readModel} from '../../web/src/index.js';
 import {unpackMeshopt} from '../../web/src/meshopt.js';
 import {GAUSSIAN_NUMBERS, packGaussian} from '../../web/src/pack.js';
@@ -487,11 +488,13 @@ for (const [bytes, words] of [
 }
 const padded = new Uint8Array(original.length + 8);
 padded.set(original, 4);
-for (const same of [original.slice().buffer, new DataView(padded.buffer, 4, original.length)]) {
+const foreign = runInNewContext(`new ArrayBuffer(${original.length})`);  // of another realm, as of a frame
+new Uint8Array(foreign).set(original);
+for (const same of [original.slice().buffer, foreign, new DataView(padded.buffer, 4, original.length)]) {
   const told = await readModel(same).then(({count}) => `${count}`, (error) => error.message);
   expect('the bytes of a buffer', told === `${model.count}`, told);
 }
-const others = [[null, 'null'], ['scene.glb', 'a string'], [[1, 2], 'an Array'], [undefined, 'undefined']];
+const others = [[null, 'null'], ['scene.glb', 'string'], [[1, 2], 'Array'], [undefined, 'undefined']];
 for (const [other, found] of others) {
   const error = await readModel(other).catch((thrown) => thrown);
   expect('what are no bytes', error instanceof TypeError &&

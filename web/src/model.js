@@ -8,10 +8,11 @@ import {readLod} from './streamed.js';
 
 function bytesOf(data) {
   if (data instanceof Uint8Array) return data;
-  if (data instanceof ArrayBuffer) return new Uint8Array(data);
+  const kind = Object.prototype.toString.call(data);  // also of another realm, as a frame's
+  if (kind === '[object ArrayBuffer]') return new Uint8Array(data);
   if (ArrayBuffer.isView(data)) return new Uint8Array(data.buffer, data.byteOffset, data.byteLength);
   const found = data === null || data === undefined ? `${data}` :
-    typeof data === 'object' ? `an ${data.constructor ? data.constructor.name : 'object'}` : `a ${typeof data}`;
+    typeof data === 'object' && data.constructor ? data.constructor.name : typeof data;
   throw new TypeError(`readModel takes a Uint8Array or an ArrayBuffer (found ${found})`);
 }
 
