@@ -241,7 +241,7 @@ TEST_CASE("training outlives a checkpoint that cannot be written, but does not e
   }
   const std::string goes_on = "(training goes on; the last checkpoint is of plain ";
   child.until([&] { return child.output().find(goes_on) != std::string::npos; });
-  std::this_thread::sleep_for(milliseconds(500));  // in which it is tried again, and not told again
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));  // in which it is tried again, and not told again
   CHECK(child.running());
   child.send(SIGHUP);
   CHECK(child.end() == 4);
