@@ -34,8 +34,9 @@ TEST_CASE("a run that is killed again and again ends in the bytes of one that is
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const std::string often = kRun + "--resume --checkpoint-every 0 ";
+  REQUIRE(tgtrain(folder, kBase + "--iterations 40 -o whole.tgz --untextured-output plain.tgz").code == 0);
   const auto start = std::chrono::steady_clock::now();
-  REQUIRE(tgtrain(folder, often + "-o whole.tgz --untextured-output plain.tgz --run calm").code == 0);
+  REQUIRE(tgtrain(folder, often + "-o calm.tgz --untextured-output calm_plain.tgz --run calm").code == 0);
   const auto calm = std::chrono::steady_clock::now() - start;
   const std::string command = often + "-o model.tgz --untextured-output twin.tgz --run run";
   tg::Random random(static_cast<std::uint64_t>(::getpid()));
