@@ -38,8 +38,10 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
     std::string said = error.what();
     const std::string folder = printable(file.parent_path().string()), hidden = printable(file.string());
     if (file == name || !said.starts_with(folder)) throw;
-    if (error.kind == ErrorKind::cannotWrite) {
-      const std::size_t path = said.find(": ", folder.size());
+    const std::size_t path = said.find(": ", said.starts_with(hidden) ? hidden.size() : folder.size());
+    // Not of models that no file holds, which are as wrong where they are to be.
+    if (error.kind == ErrorKind::cannotWrite && path != std::string::npos &&
+        said.substr(path).starts_with(": cannot ")) {
       throw Error(error.kind, file.parent_path().parent_path().string(),
                   said.substr(path + 2) + " (a trial of " + name.filename().string() + ", in the temporary folder)");
     }

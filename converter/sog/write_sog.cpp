@@ -257,7 +257,7 @@ class SogWriter {
     std::vector<glm::vec3> sh = std::move(model_.sh);
     for (std::size_t i = 0; i < n; ++i) std::copy_n(sh.data() + i * (rest + 1) + 1, rest, sh.data() + i * rest);
     const Palette palette = makePalette({&sh.front().x, n * length}, length, sog::kMaxPalette);
-    sh = {};
+    std::vector<glm::vec3>().swap(sh);
     const std::vector<float> codebook = evenCodebook(palette.rows, kCoefficientStep * options_.steps);
     const std::size_t held = palette.rows.size() / length;
     Json files;

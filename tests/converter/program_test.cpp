@@ -565,14 +565,14 @@ TEST_CASE("a trial that finds no room is told of the folder for temporary files"
   writeBundle(scratch.folder() / "in.tgz", bundle);
   const std::filesystem::path place = scratch.folder() / "temporary";
   std::filesystem::create_directory(place);
-  for (const std::string arguments :
-       {"a.sog --target-size 60KB", "a.html --target-psnr 30", "a.gltf --target-size 60KB", "a.ply --dry-run"}) {
+  for (const std::string arguments : {"a.sog --target-size 60KB", "a.html --target-psnr 30",
+                                      "a.gltf --target-size 60KB", "a.ply --dry-run", "a: b.ply --dry-run"}) {
     CAPTURE(arguments);
-    const Result result =
-        tgconvert(scratch, "in.tgz " + arguments, "export TMPDIR='" + place.string() + "'; ulimit -f 8; ");
+    const std::string output = arguments.substr(0, arguments.find(" --"));
+    const Result result = tgconvert(scratch, "in.tgz '" + output + "'" + arguments.substr(output.size()),
+                                    "export TMPDIR='" + place.string() + "'; ulimit -f 8; ");
     CHECK(result.code == 4);
-    const std::string output = arguments.substr(0, arguments.find(' '));
-    CHECK_THAT(result.err, Catch::Matchers::StartsWith("tgconvert: " + place.string() + ": ") &&
+    CHECK_THAT(result.err, Catch::Matchers::StartsWith("tgconvert: " + place.string() + ": cannot ") &&
                                Catch::Matchers::EndsWith(" (a trial of " + output + ", in the temporary folder)\n"));
   }
 }

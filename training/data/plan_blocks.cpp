@@ -229,12 +229,12 @@ std::vector<PlannedBlock> blocksOf(const std::vector<GridCell>& cells, const std
 
 }  // namespace
 
-std::string memoryText(std::uint64_t bytes) {
+std::string memoryText(std::uint64_t bytes, bool up) {
   const bool small = bytes < 100'000'000;
+  const double digits = static_cast<double>(bytes) / (small ? 1e5 : 1e7),
+               whole = up ? std::ceil(digits) : std::floor(digits);
   char text[32];
-  std::snprintf(
-      text, sizeof text, small ? "%.1f MB" : "%.2f GB",
-      small ? std::ceil(static_cast<double>(bytes) / 1e5) / 10 : std::ceil(static_cast<double>(bytes) / 1e7) / 100);
+  std::snprintf(text, sizeof text, small ? "%.1f MB" : "%.2f GB", whole / (small ? 10 : 100));
   return text;
 }
 
@@ -305,9 +305,9 @@ std::vector<PlannedBlock> planBlocks(const Dataset& dataset, const glm::dvec3& u
       fits = most <= options.memory;
     }
     if (!fits) {
-      throw Error(ErrorKind::usage,
-                  "--memory: no grid of blocks fits into it" +
-                      expectedFound(least ? "at least " + memoryText(*least) : "more", memoryText(options.memory)));
+      throw Error(ErrorKind::usage, "--memory: no grid of blocks fits into it" +
+                                        expectedFound(least ? "at least " + memoryText(*least) : "more",
+                                                      memoryText(options.memory, false)));
     }
   }
 

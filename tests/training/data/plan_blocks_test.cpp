@@ -160,7 +160,7 @@ TEST_CASE("as few blocks as the memory allows", "[blocks]") {
   wanted.memory = 1 << 20;
   const std::string refused = tg::test::messageOf([&] { tg::planBlocks(dataset, kUp, wanted); }, tg::ErrorKind::usage);
   const std::string begin = "--memory: no grid of blocks fits into it (expected at least ";
-  REQUIRE_THAT(refused, Catch::Matchers::StartsWith(begin) && Contains(" GB, found 1.1 MB)"));
+  REQUIRE_THAT(refused, Catch::Matchers::StartsWith(begin) && Contains(" GB, found 1.0 MB)"));
   wanted.memory = static_cast<std::uint64_t>(std::lround(std::stod(refused.substr(begin.size())) * 100)) * 10'000'000;
   CHECK_NOTHROW(tg::planBlocks(dataset, kUp, wanted));
   wanted.memory -= 20'000'000;
