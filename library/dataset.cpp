@@ -45,6 +45,7 @@ Dataset Dataset::load(const std::filesystem::path& folder, const DatasetOptions&
     own.downscale = options.downscale;
     own.test_every = options.test_every;
     own.normalize = options.normalize;
+    own.normalize_by = "normalize";
     if (options.background) own.background = finiteColorOf(*options.background);
     return Dataset(std::make_shared<const Parts>(Parts{loaded(folder, own), own.background.has_value()}));
   });

@@ -95,6 +95,8 @@ std::string sizesOf(const std::vector<Camera>& views) {
 }
 
 Dataset loadData(const TrainFlags& options, DatasetOptions data_options) {
+  const bool begins = options.context.empty() && options.start_model.empty() && !options.run.resume;
+  if (begins) data_options.normalize_by = "--normalize";
   ProgressLine line;
   if (!options.quiet) {
     data_options.decoded = [&](std::size_t done, std::size_t count) { line.show("decoding photographs", done, count); };

@@ -513,12 +513,15 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   dataset.validation = options.validation;
   dataset.normalized = options.normalize;
   dataset.masks = options.masks;
+  const double scale = options.normalize ? normalize(index, dataset.notes) : 1;
   if (block && !options.points) {
     dataset.points = readPointCloudPly(place / "points3d.ply");
   } else {
     dataset.points = choosePoints(options, index, dataset.notes);
   }
-  if (options.normalize) normalize(index, dataset.points, dataset.notes);
+  if (options.normalize) {
+    for (glm::vec3& point : dataset.points.position) point = glm::vec3(scale * glm::dvec3(point));
+  }
   checkPoints(options.points.value_or(place), dataset.points);
 
   std::string images = options.images;
@@ -608,7 +611,8 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     leaveOutHidden(place, options.only_test.value_or(false), downscale, index, dataset.notes);
   }
   loadPhotographs(index, downscale, options, dataset);
-  if (options.part == 0) std::ranges::copy(notesOnPlace(dataset), std::back_inserter(dataset.notes));
+  if (options.part == 0)
+    std::ranges::copy(notesOnPlace(dataset, options.normalize_by), std::back_inserter(dataset.notes));
   return dataset;
 }
 

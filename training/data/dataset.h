@@ -74,6 +74,7 @@ struct DatasetOptions {
   int parts = 1;
   // Cameras and points are moved and scaled (training/data/normalize.h): the model is of that world. Not for blocks.
   bool normalize = false;
+  std::string normalize_by;   // what callers add for it, as notes on small and far scenes say; empty: they do not
   bool cameras_only = false;  // photographs are decoded when asked for, at the start only where they say the size
   // Told while photographs are decoded for the first time, from any thread, one call at a time.
   std::function<void(std::size_t done, std::size_t count)> decoded;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
 
 #include "core/model/float_steps.h"
@@ -16,9 +17,7 @@
 namespace tg {
 namespace {
 
-// Of their distance from the origin: cameras that are this near each other are at one place, but for the rounding of
-// what wrote them.
-constexpr double kTogether = 1e-7;
+constexpr double kTogether = 1e-12;  // of their distance from the origin, of cameras in doubles
 constexpr std::size_t kLookedAtPoints = 4096, kLookedAtViews = 64;
 
 double largestOf(const glm::dvec3& point) {
@@ -55,7 +54,7 @@ Look lookAtPoints(const PointCloud& points, std::span<const Camera> views) {
 
 Look lookAlongAxes(std::span<const Camera> views) {
   Look look;
-  if (!spanOf(views)) return look;  // what one place looks at is at no distance in particular
+  if (!spanOf(views, kTogether)) return look;  // what one place looks at is at no distance in particular
   const glm::dvec3 target = lookedAt(views);
   for (const Camera& view : views) {
     look.depths.push_back(glm::length(view.position() - target));
@@ -65,22 +64,25 @@ Look lookAlongAxes(std::span<const Camera> views) {
   return look;
 }
 
-// How far some of the points lie before some of the cameras; none: 0. [world units]
-double medianDepth(const PointCloud& points, std::span<const Camera> cameras) {
+// How far the median of some of the points lies before the nearest of some of the cameras, of those that have it within
+// 60 degrees of their axis; none: 0. [world units]
+double nearestDepth(const PointCloud& points, std::span<const Camera> cameras) {
   std::vector<double> depths;
   const std::vector<Camera> some = evenly(cameras, kLookedAtViews);
   for (std::size_t i = 0; i < points.position.size(); i += stepOf(points)) {
+    double nearest = std::numeric_limits<double>::infinity();
     for (const Camera& camera : some) {
-      const double depth = cameraFromWorld(camera, glm::dvec3(points.position[i])).z;
-      if (depth > 0) depths.push_back(depth);
+      const glm::dvec3 at = cameraFromWorld(camera, glm::dvec3(points.position[i]));
+      if (at.z > 0.5 * glm::length(at)) nearest = std::min(nearest, at.z);
     }
+    if (std::isfinite(nearest)) depths.push_back(nearest);
   }
   return depths.empty() ? 0 : medianOf(std::move(depths));
 }
 
 }  // namespace
 
-std::optional<double> spanOf(std::span<const Camera> views) {
+std::optional<double> spanOf(std::span<const Camera> views, double together) {
   glm::dvec3 mean(0.0);
   for (const Camera& view : views) mean += view.position() / static_cast<double>(views.size());
   double radius = 0, farthest = 0;
@@ -88,7 +90,7 @@ std::optional<double> spanOf(std::span<const Camera> views) {
     radius = std::max(radius, glm::length(view.position() - mean));
     farthest = std::max(farthest, glm::length(view.position()));
   }
-  if (!(radius > kTogether * farthest)) return std::nullopt;
+  if (!(radius > together * farthest)) return std::nullopt;
   return 1.1 * radius;
 }
 
@@ -119,36 +121,42 @@ glm::dvec3 middleOf(const std::vector<DatasetIndex::Entry>& entries) {
   return middle;
 }
 
-void normalize(DatasetIndex& index, PointCloud& points, std::vector<std::string>& notes) {
-  std::vector<Camera> cameras;
-  for (const DatasetIndex::Entry& entry : index.entries) cameras.push_back(entry.camera);
-  const std::optional<double> span = spanOf(cameras);
-  for (Camera& camera : cameras) camera.translation += camera.rotation * index.origin;
-  const double extent = span ? *span : medianDepth(points, cameras);
-  const double scale = extent > 0 ? kNormalExtent / extent : 1;
-  for (std::size_t i = 0; i < cameras.size(); ++i) index.entries[i].camera.translation = scale * cameras[i].translation;
-  for (glm::vec3& point : points.position) point = glm::vec3(scale * glm::dvec3(point));
+double normalize(DatasetIndex& index, std::vector<std::string>& notes) {
   const glm::dvec3& origin = index.origin;
+  std::vector<Camera> cameras;
+  std::vector<double> distances;
+  for (const DatasetIndex::Entry& entry : index.entries) {
+    cameras.push_back(entry.camera);
+    cameras.back().translation += cameras.back().rotation * origin;
+    distances.push_back(glm::length(cameras.back().position()));
+  }
+  const double apart = distances.empty() ? 0 : medianOf(std::move(distances));
+  const double depth = nearestDepth(index.points, cameras);
+  const double by_points = depth > 0 ? kNormalDepth / depth : 0;
+  double scale = depth > 0 ? kNormalExtent / depth : 1;
+  if (apart > kTogether * glm::length(origin)) scale = std::max(kNormalExtent / (1.1 * apart), by_points);
+  for (std::size_t i = 0; i < cameras.size(); ++i) index.entries[i].camera.translation = scale * cameras[i].translation;
   notes.push_back("normalized: " + formatted("%.6g", scale) + " times as large, about " + formatted("%.6g", origin.x) +
                   "," + formatted("%.6g", origin.y) + "," + formatted("%.6g", origin.z) +
                   " (tgconvert brings a model back with --scale " + numberText(1 / scale) + " --translate " +
                   numberText(origin.x) + "," + numberText(origin.y) + "," + numberText(origin.z) + ")");
+  return scale;
 }
 
-std::vector<std::string> notesOnPlace(const Dataset& dataset) {
+std::vector<std::string> notesOnPlace(const Dataset& dataset, const std::string& remedy) {
   const std::vector<Camera> views = evenly(dataset.views, kLookedAtViews);
   const bool has_points = !dataset.points.position.empty();
   const Look look = has_points ? lookAtPoints(dataset.points, views) : lookAlongAxes(views);
   std::vector<std::string> notes;
   if (look.depths.empty()) return notes;
-  const std::string remedy = dataset.normalized || dataset.block ? "" : " (add --normalize)";
+  const std::string add = remedy.empty() || dataset.normalized || dataset.block ? "" : " (add " + remedy + ")";
   if (!(medianOf(look.depths) > kNear)) {
     notes.push_back(
         (has_points ? "most points lie nearer to the cameras than " : "what the cameras look at lies nearer than ") +
-        formatted("%.2g", static_cast<double>(kNear)) + ", where nothing is drawn" + remedy);
+        formatted("%.2g", static_cast<double>(kNear)) + ", where nothing is drawn" + add);
   }
   const std::string coarse = coarseFloats(medianOf(look.coordinates), medianOf(look.pixels));
-  if (!coarse.empty()) notes.push_back((has_points ? "points " : "cameras ") + coarse + remedy);
+  if (!coarse.empty()) notes.push_back((has_points ? "points " : "cameras ") + coarse + add);
   return notes;
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/model/camera.h"
+#include "core/model/float_steps.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "training/data/dataset.h"
@@ -78,7 +79,18 @@ double apart(const tg::Dataset& a, const tg::Dataset& b) {
   return most;
 }
 
-std::vector<std::string> notesOf(const fs::path& folder) { return loadDataset(folder).notes; }
+std::vector<std::string> notesOf(const fs::path& folder) {
+  tg::DatasetOptions options;
+  options.normalize_by = "--normalize";
+  return loadDataset(folder, options).notes;
+}
+
+// [world units] of cameras from the origin.
+double medianDistance(const tg::Dataset& dataset) {
+  std::vector<double> distances;
+  for (const tg::Camera& view : dataset.views) distances.push_back(glm::length(view.position()));
+  return tg::medianOf(std::move(distances));
+}
 
 }  // namespace
 
@@ -91,6 +103,7 @@ TEST_CASE("a scene that lies before the near plane is told of, with points and w
     CHECK(notesOf(folder / "usual").empty());
     REQUIRE(notesOf(folder / "small").size() == 1);
     CHECK_THAT(notesOf(folder / "small")[0], Contains(near));
+    CHECK_THAT(loadDataset(folder / "small").notes.at(0), Catch::Matchers::EndsWith("where nothing is drawn"));
     fs::remove_all(folder / "usual");
     fs::remove_all(folder / "small");
   }
@@ -113,7 +126,7 @@ TEST_CASE("normalized scenes are the same wherever they lie and however large th
   const tg::TemporaryFolder folder;
   writeRing(folder / "usual", 1, {});
   const tg::Dataset usual = normalized(folder / "usual");
-  CHECK(tg::spanOf(usual.views).value() == Approx(tg::kNormalExtent));
+  CHECK(1.1 * medianDistance(usual) == Approx(tg::kNormalExtent));
   CHECK(usual.normalized);
   const auto [scale, offset] = GENERATE(table<double, glm::dvec3>({{0.001, {0, 0, 0}}, {1, kUtm}, {1e5, -kUtm}}));
   const bool binary = GENERATE(true, false);
@@ -135,7 +148,9 @@ TEST_CASE("a normalized scene is the same for every split and tgconvert's edits 
   for (std::size_t i = 0; i < indices.size(); ++i) {
     CHECK(held_out.views[i].translation == dataset.views[indices[i]].translation);
   }
-  tg::DatasetOptions fewer{.downscale = 2, .test_every = 3};
+  tg::DatasetOptions fewer;
+  fewer.downscale = 2;
+  fewer.test_every = 3;
   CHECK(normalized(folder / "scene", fewer).points.position == dataset.points.position);
 
   double scale = 0;
@@ -175,4 +190,39 @@ TEST_CASE("of one camera the points set the scale, and without points nothing do
             "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
             "end_header\n0 0 -0.01\n0 0 -0.02\n0 0 -7\n");
   CHECK(normalized(folder.path).points.position[1] == glm::vec3(0, 0, -tg::kNormalExtent));
+}
+
+TEST_CASE("one camera far out does not shrink a scene and neither does a wide path through it", "[dataset]") {
+  const tg::TemporaryFolder folder;
+  const auto depths = [&](const char* name, double spacing, double outlier) {  // ten cameras that look at z = -5
+    std::vector<Json> frames;
+    for (int i = 0; i < 10; ++i) {
+      const std::string file = "images/" + std::to_string(i) + ".png";
+      writePicture(folder / name / file, 16, 12);
+      Json matrix = kIdentity;
+      matrix[0][3] = spacing * i + (i == 9 ? outlier : 0);
+      frames.push_back(frame(file, matrix));
+    }
+    writeText(folder / name / "transforms.json", pinhole(std::move(frames)).dump());
+    std::string rows;
+    for (int i = 0; i < 10; ++i) rows += text(spacing * i) + " 0 -5\n";
+    writeText(folder / name / "points3d.ply",
+              "ply\nformat ascii 1.0\nelement vertex 10\nproperty float x\n"
+              "property float y\nproperty float z\nend_header\n" +
+                  rows);
+    const tg::Dataset dataset = normalized(folder / name);
+    CHECK(dataset.notes.size() == 1);  // says the scale and nothing against it
+    return -double{dataset.points.position[0].z};
+  };
+  CHECK(depths("usual", 1, 0) == Approx(5 * tg::kNormalExtent / (1.1 * 3)));
+  CHECK(depths("outlier", 1, 1000) == Approx(depths("other", 1, 0)));
+  CHECK(depths("wide", 100, 0) == Approx(tg::kNormalDepth));
+}
+
+TEST_CASE("cameras close together far from the origin are not at one place", "[dataset]") {
+  const tg::TemporaryFolder folder;
+  writeRing(folder / "usual", 1, {}, false);
+  writeRing(folder / "small", 0.04, kUtm, false);
+  CHECK(notesOf(folder / "small").size() == 2);
+  CHECK(apart(normalized(folder / "usual"), normalized(folder / "small")) < 1e-6);
 }
