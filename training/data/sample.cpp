@@ -9,6 +9,8 @@
 #include <numbers>
 #include <optional>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -504,7 +506,10 @@ void writeSample(const fs::path& folder, const SampleOptions& options, bool over
   if (overwrite) {
     writeSampleFiles(folder, options);
   } else {
-    writeAllOrNone(folder, kOwn, [&] { writeSampleFiles(folder, options); });
+    std::vector<std::string> files = {"transforms_train.json", "transforms_test.json", "points3d.ply"};
+    for (int i = 0; i < options.train_views; ++i) files.push_back("train/" + sampleCamera(options, false, i).name);
+    for (int i = 0; i < options.test_views; ++i) files.push_back("test/" + sampleCamera(options, true, i).name);
+    writeAllOrNone(folder, std::move(files), [&] { writeSampleFiles(folder, options); });
   }
 }
 

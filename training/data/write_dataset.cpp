@@ -2,10 +2,16 @@
 // Photographs as PNG files, cameras as JSON, points as PLY.
 #include "training/data/write_dataset.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <utility>
 
 #include "core/file/file.h"
 #include "core/file/json.h"
@@ -119,14 +125,49 @@ void writePoints(const fs::path& path, const PointCloud& points) {
   writeTextAtomically(path, text);
 }
 
-void writeAllOrNone(const fs::path& folder, std::span<const char* const> names, const std::function<void()>& write) {
-  std::error_code ignored;
-  const bool was_there = fs::exists(folder, ignored);
+namespace {
+
+// Of two that write into a folder at once, the second is refused.
+class WrittenFolder {
+ public:
+  explicit WrittenFolder(const fs::path& folder) : lock_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (lock_ < 0 || ::flock(lock_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+    ::close(lock_);
+    throw Error(ErrorKind::cannotWrite, folder.string(), "another program is writing into this folder");
+  }
+  ~WrittenFolder() {
+    if (lock_ >= 0) ::close(lock_);
+  }
+  WrittenFolder& operator=(WrittenFolder&&) = delete;
+
+ private:
+  const int lock_;
+};
+
+fs::file_type typeOf(const fs::path& path) {
+  std::error_code error;
+  return fs::symlink_status(path, error).type();
+}
+
+}  // namespace
+
+void writeAllOrNone(const fs::path& folder, std::vector<std::string> files, const std::function<void()>& write) {
+  const bool is_new = typeOf(folder) == fs::file_type::not_found;
+  createFolder(folder);
+  const WrittenFolder alone(folder);
+  std::erase_if(files, [&](const std::string& file) { return typeOf(folder / file) != fs::file_type::not_found; });
   try {
     write();
   } catch (...) {
-    for (const char* name : names) fs::remove_all(folder / name, ignored);
-    if (!was_there) fs::remove(folder, ignored);
+    std::error_code ignored;
+    for (const std::string& file : files) {
+      fs::remove(folder / file, ignored);
+      for (fs::path at = fs::path(file).parent_path(); !at.empty(); at = at.parent_path()) {
+        if (typeOf(folder / at) == fs::file_type::directory)
+          fs::remove(folder / at, ignored);  // where nothing is in it
+      }
+    }
+    if (is_new) fs::remove(folder, ignored);
     throw;
   }
 }
@@ -197,7 +238,9 @@ void writeDataset(const fs::path& folder, const Dataset& dataset, bool overwrite
   if (overwrite) {
     writeDatasetFiles(folder, dataset, names);
   } else {
-    writeAllOrNone(folder, kOwn, [&] { writeDatasetFiles(folder, dataset, names); });
+    std::vector<std::string> files = {"transforms.json", "points3d.ply"};
+    for (const std::string& name : names) files.insert(files.end(), {"images/" + name, "masks/" + name});
+    writeAllOrNone(folder, std::move(files), [&] { writeDatasetFiles(folder, dataset, names); });
   }
 }
 

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
-#include <span>
 #include <string>
+#include <vector>
 
 #include "core/bundle/ply.h"
 #include "core/model/camera.h"
@@ -19,9 +19,10 @@ nlohmann::json transformsFrame(const Camera& camera, const std::string& file_pat
 // Binary PLY of x, y, z (float) and red, green, blue (uchar). Throws Error(cannotWrite).
 void writePoints(const std::filesystem::path& path, const PointCloud& points);
 
-// `write`s what is called `names` in `folder`, none of which is there. Where that throws, it goes again, and so does
-// the folder if it was not there either and nothing else is in it.
-void writeAllOrNone(const std::filesystem::path& folder, std::span<const char* const> names,
+// `write`s `files`, which are names below `folder`. Where that throws, those that were not there before go again, and
+// so do their folders and a new `folder` where nothing else is in them. Throws Error(cannotWrite), also where another
+// call writes into `folder` meanwhile.
+void writeAllOrNone(const std::filesystem::path& folder, std::vector<std::string> files,
                     const std::function<void()>& write);
 
 // What training sees of a data set - pinholes, downscaled - in nerfstudio's layout: transforms.json with each frame's

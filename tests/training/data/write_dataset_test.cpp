@@ -129,6 +129,32 @@ TEST_CASE("a data set that could not be replaced whole is none", "[dataset]") {
   CHECK_FALSE(tg::hasCameras(folder.path));
 }
 
+TEST_CASE("what could not be written takes nothing along that another wrote", "[dataset]") {
+  tg::TemporaryFolder folder;
+  fs::create_directory(folder / "out");
+  fs::create_symlink("/none", folder / "out/images");
+  fs::create_symlink("/none/below", folder / "link");
+  CHECK_THROWS_AS(tg::writeDataset(folder / "out", dataset(), false), tg::Error);
+  CHECK_THROWS_AS(tg::writeDataset(folder / "link", dataset(), false), tg::Error);
+  CHECK(fs::is_symlink(folder / "out/images"));
+  CHECK(fs::is_symlink(folder / "link"));
+
+  const fs::path both = folder / "both";
+  const auto writeHalf = [&] {
+    fs::create_directories(both / "images/a");
+    fs::create_directories(both / "masks/a");
+    for (const char* file : {"images/a/own.png", "masks/a/own.png", "images/other.png"})
+      std::ofstream(both / file) << "";
+    CHECK_THROWS_WITH(tg::writeAllOrNone(both, {"images/other.png"}, [] {}),
+                      Contains("both: another program is writing into this folder"));
+    throw tg::Error(tg::ErrorKind::cannotWrite, "full");
+  };
+  CHECK_THROWS_WITH(tg::writeAllOrNone(both, {"images/a/own.png", "masks/a/own.png"}, writeHalf), "full");
+  CHECK(fs::exists(both / "images/other.png"));
+  CHECK_FALSE(fs::exists(both / "images/a"));
+  CHECK_FALSE(fs::exists(both / "masks"));
+}
+
 TEST_CASE("names that JSON does not hold are refused before anything is written", "[dataset]") {
   tg::TemporaryFolder folder;
   tg::Dataset latin = dataset();
