@@ -75,24 +75,27 @@ TrainingOutputs::TrainingOutputs(const TrainFlags& options, const Dataset& datas
 template <typename Write>
 void TrainingOutputs::writeOutput(const std::string& path, const Write& write) {
   const bool was_own = run_ && run_->owns(path), replace = options_.overwrite || was_own;
+  bool owned = true;
   std::error_code ignored;
   if (run_ && (replace || !fs::exists(path, ignored))) {
     try {
       run_->setOwn(path, true);
     } catch (const Error&) {
       if (!unfinished_) throw;
-      owned_ = false;
+      owned = false;
     }
   }
   bool wrote = false;
   try {
     wrote = write(replace);
-  } catch (const Error&) {
+  } catch (const Error& error) {
     if (run_ && !was_own) disown(*run_, path);
-    throw;
+    if (!unfinished_) throw;
+    throw Error(error.kind, error.what() + ("; " + std::string(whyUnfinished().what())));
   }
   if (run_ && !wrote && !was_own) disown(*run_, path);
   if (!run_ || !wrote) return;
+  owned_ = owned_ && owned;
   try {
     run_->markWritten(path);
   } catch (const Error&) {

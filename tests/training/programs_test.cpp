@@ -339,6 +339,14 @@ TEST_CASE("a run whose last checkpoint finds no room leaves its model and says h
   CHECK(unnamed.code == 0);
   CHECK_THAT(unnamed.output, Contains(why + last + "disk/run/model-2.tgz)\n"));
   CHECK(tg::readBundle(folder / "resumed.tgz").model.texture_mode == tg::TextureMode::rgba);
+
+  const Outcome neither =
+      inRoom("mount -o remount,size=80k disk; \"" TG_TGTRAIN "\" scene --run disk/run" + kShort + " -o disk/model.tgz");
+  INFO(neither.output);
+  CHECK(neither.code == 4);
+  CHECK_THAT(neither.output, Contains("disk/model.tgz: cannot write: No space left on device (the model is kept as ") &&
+                                 Contains("model-2.tgz); " + why + "; the last checkpoint is of plain ") &&
+                                 Contains(", from which the same command with --resume goes on\n"));
 }
 
 TEST_CASE("what was begun and finds no room leaves nothing that the same command is refused for", "[programs]") {
@@ -361,6 +369,21 @@ TEST_CASE("what was begun and finds no room leaves nothing that the same command
       CHECK(fs::is_empty(folder / "there"));
     }
   }
+}
+
+TEST_CASE("a run with room for its first checkpoint and not for its model leaves no folder", "[programs]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  fs::create_directory(folder / "disk");
+  const std::string mount = "mount -t tmpfs -o size=68k none disk";
+  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  const std::string train = "\"" TG_TGTRAIN "\" scene --run disk/run" + kShort;
+  const std::string room = "mount -o remount,size=8m disk";
+  const Outcome full = run(folder, "unshare -rm sh -c '" + mount + "; " + train + "; " + room + "; " + train + "'");
+  INFO(full.output);
+  CHECK(full.code == 0);
+  CHECK_THAT(full.output, Contains("disk/run/model.tgz: cannot write: No space left on device\n") &&
+                              Contains("wrote disk/run/model.tgz"));
 }
 
 TEST_CASE("without a CUDA device --device cuda ends with code 5, auto trains on the CPU", "[programs]") {

@@ -202,6 +202,7 @@ void RunFolder::leave() {
   std::error_code ignored;
   if (metrics_ >= 0 && last_checkpoint_.empty()) {  // which the same command would be refused for
     fs::remove(options_.folder / kMetricsName, ignored);
+    fs::remove(checkpoint(), ignored);
     removePreviews(options_.folder / "previews");
   }
   if (made_) fs::remove(options_.folder, ignored);  // where nothing is in it
@@ -320,13 +321,15 @@ std::string RunFolder::save(const Trainer& trainer) {
   ::fdatasync(metrics_);
   writeCheckpoint(checkpoint(), {identity_, seconds(), metrics_bytes_}, trainer.state());
   const TrainProgress progress = trainer.progress();
-  last_checkpoint_ = momentText(progress.stage, progress.iteration, progress.iterations);
+  const std::string moment = momentText(progress.stage, progress.iteration, progress.iterations);
+  if (!last_checkpoint_.empty()) last_checkpoint_ = moment;  // the first counts once there is a model, too
   TrainResult result = trainer.result();
   result.untextured.reset();
   json_.total_seconds = seconds();
   const Bundle bundle =
       makeTrainedBundle(*dataset_, trainer.settings(), result.report, std::move(result.model), json_);
   writeBundle(model(), bundle);
+  last_checkpoint_ = moment;
   const Clock::time_point end = Clock::now();
   const double cost = std::chrono::duration<double>(end - start).count();
   const double pause =
