@@ -180,8 +180,10 @@ def at_a_desk(browser, page):
     browser.press(" ", "Space")
     expect("a flight leaves it, too", browser.evaluate(camera) == first + 1, browser.evaluate(camera))
     browser.press("+")
-    gone = browser.evaluate("tgViewer.open({...tgViewer.model}).then(() => tgViewer.moved()).then(() => tgViewer.last)")
-    expect("another model knows nothing of it", gone == {"camera": first, "view": -1}, gone)
+    browser.evaluate("window.shown = tgViewer.model")
+    gone = browser.evaluate("tgViewer.open({...shown, cameras: [], views: []}).then(() => tgViewer.last)")
+    expect("another model knows nothing of it", gone == {"camera": -1, "view": -1}, gone)
+    browser.evaluate("tgViewer.open(shown)")
     browser.drag(520, 400, 60, 20)
 
     told = "document.getElementById('message')"

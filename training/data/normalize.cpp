@@ -17,7 +17,10 @@
 namespace tg {
 namespace {
 
-constexpr double kTogether = 1e-12;  // of their distance from the origin, of cameras in doubles
+// Of their distance from the origin: cameras that are this near each other are at one place, but for the rounding of
+// what wrote them. Where points say how far away the scene is, doubles may be nearer, down to this part of that.
+constexpr double kTogether = 1e-7;
+constexpr double kTogetherOfDepth = 1e-5;
 constexpr std::size_t kLookedAtPoints = 4096, kLookedAtViews = 64;
 
 double largestOf(const glm::dvec3& point) {
@@ -54,7 +57,7 @@ Look lookAtPoints(const PointCloud& points, std::span<const Camera> views) {
 
 Look lookAlongAxes(std::span<const Camera> views) {
   Look look;
-  if (!spanOf(views, kTogether)) return look;  // what one place looks at is at no distance in particular
+  if (!spanOf(views)) return look;  // what one place looks at is at no distance in particular
   const glm::dvec3 target = lookedAt(views);
   for (const Camera& view : views) {
     look.depths.push_back(glm::length(view.position() - target));
@@ -82,7 +85,7 @@ double nearestDepth(const PointCloud& points, std::span<const Camera> cameras) {
 
 }  // namespace
 
-std::optional<double> spanOf(std::span<const Camera> views, double together) {
+std::optional<double> spanOf(std::span<const Camera> views) {
   glm::dvec3 mean(0.0);
   for (const Camera& view : views) mean += view.position() / static_cast<double>(views.size());
   double radius = 0, farthest = 0;
@@ -90,7 +93,7 @@ std::optional<double> spanOf(std::span<const Camera> views, double together) {
     radius = std::max(radius, glm::length(view.position() - mean));
     farthest = std::max(farthest, glm::length(view.position()));
   }
-  if (!(radius > together * farthest)) return std::nullopt;
+  if (!(radius > kTogether * farthest)) return std::nullopt;
   return 1.1 * radius;
 }
 
@@ -125,8 +128,10 @@ double normalize(DatasetIndex& index, std::vector<std::string>& notes) {
   const glm::dvec3& origin = index.origin;
   std::vector<Camera> cameras;
   std::vector<double> distances;
+  double farthest = 0;
   for (const DatasetIndex::Entry& entry : index.entries) {
     cameras.push_back(entry.camera);
+    farthest = std::max(farthest, glm::length(entry.camera.position()));
     cameras.back().translation += cameras.back().rotation * origin;
     distances.push_back(glm::length(cameras.back().position()));
   }
@@ -134,7 +139,8 @@ double normalize(DatasetIndex& index, std::vector<std::string>& notes) {
   const double depth = nearestDepth(index.points, cameras);
   const double by_points = depth > 0 ? kNormalDepth / depth : 0;
   double scale = depth > 0 ? kNormalExtent / depth : 1;
-  if (apart > kTogether * glm::length(origin)) scale = std::max(kNormalExtent / (1.1 * apart), by_points);
+  if (apart > (depth > 0 ? kTogetherOfDepth * depth : kTogether * farthest))
+    scale = std::max(kNormalExtent / (1.1 * apart), by_points);
   for (std::size_t i = 0; i < cameras.size(); ++i) index.entries[i].camera.translation = scale * cameras[i].translation;
   notes.push_back("normalized: " + formatted("%.6g", scale) + " times as large, about " + formatted("%.6g", origin.x) +
                   "," + formatted("%.6g", origin.y) + "," + formatted("%.6g", origin.z) +

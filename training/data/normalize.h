@@ -14,9 +14,8 @@ namespace tg {
 constexpr double kNormalExtent = 4;  // [world units] about that of NeRF-synthetic scenes
 constexpr double kNormalDepth = 1;   // [world units] of the nearest camera that sees it, of the median point at least
 
-// 1.1 * the largest distance of a view from their mean; none where all stand at one place, as which `together` of their
-// distance from the origin passes, for the rounding of what wrote them. [world units]
-std::optional<double> spanOf(std::span<const Camera> views, double together = 1e-7);
+// 1.1 * the largest distance of a view from their mean; none where all stand at one place. [world units]
+std::optional<double> spanOf(std::span<const Camera> views);
 
 // The point nearest to all optical axes in the least-squares sense, pulled a little to the views' mean. [world units]
 glm::dvec3 lookedAt(std::span<const Camera> views);

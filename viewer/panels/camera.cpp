@@ -55,7 +55,11 @@ void bookmarkRow(ViewerState& state, int index, float width) {
     ImGui::SetNextItemWidth(width);
     if (naming == begun) ImGui::SetKeyboardFocusHere();
     textField("##name", name, "name");
-    naming = ImGui::IsItemDeactivated() ? off : on;
+    if (ImGui::IsItemActive()) {
+      naming = on;
+    } else if (naming == on) {  // left, or taken away while another page was shown
+      naming = off;
+    }
     return;
   }
   const char* label = name.empty() ? "(no name)" : name.c_str();

@@ -254,10 +254,10 @@ std::string lossOf(const ClosingQuestion& question) {
          (again ? "\nIts file has changed; reading it again loses them." : "");
 }
 
-// The answers to a question, side by side. The arrow keys and Tab choose the one that Enter gives, which is lit: the
+// The answers to a question, side by side. Left, Right and Tab choose the one that Enter gives, which is lit: the
 // first one where the question is `fresh`. Returns the one that was given; -1: none.
 int answers(std::span<const char* const> labels, bool fresh) {
-  const auto pressed = [](ImGuiKey key) { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key)); };
+  const auto pressed = [](ImGuiKey key) { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key), false); };
   const bool back = pressed(ImGuiKey_LeftArrow) || (pressed(ImGuiKey_Tab) && ImGui::GetIO().KeyShift);
   const bool on = pressed(ImGuiKey_RightArrow) || (pressed(ImGuiKey_Tab) && !ImGui::GetIO().KeyShift);
   const int count = static_cast<int>(labels.size());

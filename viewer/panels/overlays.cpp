@@ -92,7 +92,7 @@ void help(ViewerState& state) {
   ImGui::SetNextWindowBgAlpha(0.94f);
   ImGui::Begin("help", nullptr, kOverlay);
   ImGui::SetWindowFontScale(scale);
-  state.ui.help_scrolls = ImGui::GetScrollMaxY() > 0;
+  state.ui.help_scrolls = ImGui::GetScrollMaxY() > ImGui::GetTextLineHeight();  // not for what rounding takes
   const float page = ImGui::GetWindowHeight() - 2 * ImGui::GetFrameHeight();  // some lines stay in view
   const int pages = std::exchange(state.ui.help_pages, 0);
   if (pages != 0) ImGui::SetScrollY(ImGui::GetScrollY() + static_cast<float>(pages) * page);

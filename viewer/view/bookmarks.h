@@ -18,7 +18,7 @@ void removeBookmark(ViewerState& state, std::size_t index);
 void goToBookmark(ViewerState& state, std::size_t index);  // below the number of bookmarks
 // With names and splits, which Camera's own == leaves out.
 bool sameBookmarks(const std::vector<Camera>& a, const std::vector<Camera>& b);
-void stepBookmark(ViewerState& state, int step);           // the next, or the one before; says so when there is none
+void stepBookmark(ViewerState& state, int step);  // the next, or the one before; says so when there is none
 
 // Throw Error: cannotWrite; cannotRead, badData. Reading replaces what there is.
 void saveBookmarks(const ViewerState& state, const std::filesystem::path& file);

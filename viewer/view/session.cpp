@@ -174,7 +174,11 @@ Session withOthers(Session own, const Session& before, const Session& now) {
       continue;
     }
     for (const Camera& camera : entry.cameras) {
-      if (!among(known, camera) && !among(ours->cameras, camera)) ours->cameras.push_back(camera);
+      const auto was = std::ranges::find(known, camera);
+      const auto held = std::ranges::find(ours->cameras, camera);
+      if (held == ours->cameras.end() && was == known.end()) ours->cameras.push_back(camera);
+      const bool named = held != ours->cameras.end() && was != known.end() && held->name == was->name;
+      if (named) held->name = camera.name;  // by the other window, if at all
     }
     if (ours->cameras.size() > kMaxBookmarks) ours->cameras.resize(kMaxBookmarks);
   }

@@ -116,10 +116,10 @@ struct UiState {
   bool help = false;
   bool help_scrolls = false;  // it has more lines than the window room; written by the panels
   int help_pages = 0;         // that it is still to be scrolled down by
-  bool menu = false;        // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
-  bool continuous = false;  // draw without pause, to watch frame times
-  double escape_until = 0;  // [s] window time: Esc, pressed again, quits
-  bool drag_spent = false;  // the left button is down for a drag that was taken back: it does nothing until let go
+  bool menu = false;          // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
+  bool continuous = false;    // draw without pause, to watch frame times
+  double escape_until = 0;    // [s] window time: Esc, pressed again, quits
+  bool drag_spent = false;    // the left button is down for a drag that was taken back: it does nothing until let go
 };
 
 struct MessageState {
@@ -154,10 +154,10 @@ struct StreamState {
 
 // What to write after the next complete frame. Empty paths: nothing.
 struct CaptureRequest {
-  std::filesystem::path picture;  // .png: the renderer's image alone
+  std::filesystem::path picture;     // .png: the renderer's image alone
   std::optional<FileDialog> dialog;  // that it was chosen in
-  std::filesystem::path window;   // .png: all that is on screen, panels included
-  std::filesystem::path camera;   // .json: the picture's camera, for --camera
+  std::filesystem::path window;      // .png: all that is on screen, panels included
+  std::filesystem::path camera;      // .json: the picture's camera, for --camera
 };
 
 struct ViewerState {

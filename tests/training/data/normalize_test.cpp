@@ -221,8 +221,26 @@ TEST_CASE("one camera far out does not shrink a scene and neither does a wide pa
 
 TEST_CASE("cameras close together far from the origin are not at one place", "[dataset]") {
   const tg::TemporaryFolder folder;
-  writeRing(folder / "usual", 1, {}, false);
-  writeRing(folder / "small", 0.04, kUtm, false);
+  writeRing(folder / "usual", 1, {});
+  writeRing(folder / "small", 0.04, kUtm);
   CHECK(notesOf(folder / "small").size() == 2);
   CHECK(apart(normalized(folder / "usual"), normalized(folder / "small")) < 1e-6);
+}
+
+TEST_CASE("cameras at one place but for rounding leave the scale to the points", "[dataset]") {
+  const tg::TemporaryFolder folder;
+  std::vector<Json> frames;
+  for (int i = 0; i < 5; ++i) {
+    const std::string file = "images/" + std::to_string(i) + ".png";
+    writePicture(folder / file, 16, 12);
+    Json matrix = kIdentity;
+    matrix[0][3] = 2 + 1e-7 * i;
+    frames.push_back(frame(file, matrix));
+  }
+  writeText(folder / "transforms.json", pinhole(std::move(frames)).dump());
+  CHECK_THAT(normalized(folder.path).notes.at(0), Contains("normalized: 1 times as large"));
+  writeText(folder / "points3d.ply",
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+            "end_header\n2 0 -0.02\n");
+  CHECK(normalized(folder.path).points.position.at(0).z == Approx(-tg::kNormalExtent));
 }

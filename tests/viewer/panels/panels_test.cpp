@@ -1025,6 +1025,17 @@ TEST_CASE("a double click on a bookmark opens a field for its name, and the new 
   CHECK(state.camera.bookmarks[1].name == "view 2");
   for (const bool pressed : {false, true, false}) frame(place, pressed);
   CHECK_FALSE(ImGui::GetIO().WantTextInput);  // a row again
+
+  frame({600, 500}, false);
+  for (const bool pressed : {true, false, true, false, false, false}) frame(place, pressed);
+  REQUIRE(ImGui::GetIO().WantTextInput);
+  state.ui.tab = Tab::view;  // as another model's file, dropped, does
+  for (int i = 0; i < 3; ++i) frame({600, 500}, false);
+  state.ui.tab = Tab::camera;
+  for (int i = 0; i < 3; ++i) frame({600, 500}, false);
+  state.camera.bookmark = -1;
+  for (const bool pressed : {false, true, false}) frame(place, pressed);
+  CHECK(state.camera.bookmark == 1);  // nobody is in the field: a row
 }
 
 TEST_CASE("the menu of a hidden panel comes to the upper half of its line, but to no drag, and stays over all of it") {

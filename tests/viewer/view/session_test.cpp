@@ -200,6 +200,16 @@ TEST_CASE("a bookmark that one window has named keeps its name when another one 
   keepBookmarks(now, "/m", {one});
   CHECK(bookmarksOf(withOthers(before, before, now), "/m").front().name == "from above");
   CHECK(bookmarksOf(withOthers(now, before, before), "/m").front().name == "from above");
+
+  Session own = before;  // this window has added one meanwhile
+  Camera two = one;
+  two.translation.x += 1;
+  keepBookmarks(own, "/m", {before.bookmarks[0].cameras[0], two});
+  const std::vector<Camera> both = bookmarksOf(withOthers(own, before, now), "/m");
+  REQUIRE(both.size() == 2);
+  CHECK(both[0].name == "from above");
+  own.bookmarks[0].cameras[0].name = "ours";  // or has named it, too
+  CHECK(bookmarksOf(withOthers(own, before, now), "/m")[0].name == "ours");
 }
 
 TEST_CASE("a session's name without a folder is one of the working folder") {
