@@ -23,6 +23,7 @@
 #include "core/model/float_steps.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
+#include "core/system/median.h"
 
 namespace tg {
 namespace {

@@ -14,6 +14,7 @@
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/median.h"
 #include "core/system/nearest_name.h"
 #include "core/system/numbers.h"
 #include "core/system/parallel.h"
@@ -45,11 +46,9 @@ glm::dvec3 medianMean(const GaussianModel& model) {
   glm::dvec3 median(0.0);
   if (model.size() == 0) return median;
   std::vector<float> values(model.size());
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   for (int axis = 0; axis < 3; ++axis) {
     std::ranges::transform(model.mean, values.begin(), [axis](glm::vec3 mean) { return mean[axis]; });
-    std::nth_element(values.begin(), middle, values.end());
-    median[axis] = *middle;
+    median[axis] = medianOf(values);
   }
   return median;
 }

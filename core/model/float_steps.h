@@ -1,25 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whether floats are near enough to one another at a place for what stands there.
 #pragma once
-#include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <limits>
 #include <string>
-#include <vector>
 
-#include "core/system/assert.h"
 #include "core/system/numbers.h"
 
 namespace tg {
-
-template <typename T>
-T medianOf(std::vector<T> values) {
-  TG_ASSERT(!values.empty(), "a value at least");
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // "lie 5e+06 from the origin, where floats are 0.5 apart" for a coordinate of this size and details of that
 // [world units], where floats are more than a tenth of those apart; "" where they are near enough: rounding moves what

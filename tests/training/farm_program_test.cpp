@@ -239,9 +239,8 @@ TEST_CASE("a full disk ends a worker, and with room again the next goes on", "[f
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
   writeJobs(folder, "20", 1, "60");
-  fs::create_directory(folder / "disk");
-  const std::string mount = "mount -t tmpfs -o size=96k none disk";
-  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  TG_SKIP_IF(missingMount(folder));
+  const std::string mount = mountOf("96k");
   const Outcome outcome =
       run(folder, "unshare -rm sh -c '" + mount +
                       " && \"" TG_TGTRAIN

@@ -16,6 +16,8 @@
 #include "training/dataset_files.h"
 
 namespace fs = std::filesystem;
+using tg::test::missingMount;
+using tg::test::mountOf;
 using tg::test::Outcome;
 using tg::test::run;
 
@@ -292,10 +294,9 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
 TEST_CASE("a model that finds no room is kept where temporary files have some", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  fs::create_directory(folder / "disk");
   fs::create_directory(folder / "other");
-  const std::string mount = "mount -t tmpfs -o size=4k none disk";
-  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  TG_SKIP_IF(missingMount(folder));
+  const std::string mount = mountOf("4k");
   for (const std::string name : {"model.tgz", "model.sog"}) {
     const Outcome full = run(folder, "TMPDIR=$PWD/other unshare -rm sh -c '" + mount +
                                          " && \"" TG_TGTRAIN "\" scene -o disk/" + name + kShort + "'");
@@ -311,11 +312,10 @@ TEST_CASE("a model that finds no room is kept where temporary files have some", 
 TEST_CASE("a run whose last checkpoint finds no room leaves its model and says how to go on", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  fs::create_directory(folder / "disk");
   fs::create_directory(folder / "other");
   // Room for checkpoints of stage plain, not for texels with their moments.
-  const std::string mount = "mount -t tmpfs -o size=400k none disk";
-  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  TG_SKIP_IF(missingMount(folder));
+  const std::string mount = mountOf("400k");
   const std::string train = "\"" TG_TGTRAIN "\" scene --run disk/run --gaussians 100 --texture-size 16" + kShort;
   const auto inRoom = [&](const std::string& commands) {
     return run(folder, "TMPDIR=$PWD/other unshare -rm sh -c '" + mount + " && " + commands + "'");
@@ -374,9 +374,8 @@ TEST_CASE("what was begun and finds no room leaves nothing that the same command
 TEST_CASE("a run with room for its first checkpoint and not for its model leaves no folder", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  fs::create_directory(folder / "disk");
-  const std::string mount = "mount -t tmpfs -o size=68k none disk";
-  TG_SKIP_IF(run(folder, "unshare -rm sh -c '" + mount + "'").code == 0 ? "" : "no file system may be mounted here");
+  TG_SKIP_IF(missingMount(folder));
+  const std::string mount = mountOf("68k");
   const std::string train = "\"" TG_TGTRAIN "\" scene --run disk/run" + kShort;
   const std::string room = "mount -o remount,size=8m disk";
   const Outcome full = run(folder, "unshare -rm sh -c '" + mount + "; " + train + "; " + room + "; " + train + "'");

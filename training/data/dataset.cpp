@@ -15,6 +15,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
+#include "core/system/median.h"
 #include "core/system/parallel.h"
 #include "training/data/normalize.h"
 
@@ -626,10 +627,9 @@ double sceneExtent(const Dataset& dataset, double distances) {
     if (sighting.views > 0) nearest.push_back(sighting.nearest);
   }
   if (nearest.empty()) return extent;
-  const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
-  std::nth_element(nearest.begin(), middle, nearest.end());
+  const double middle = medianOf(std::move(nearest));
   constexpr double kOnePlace = 1e-7;  // of their distance to what they see: as near are cameras at one place
-  return std::min(extent > kOnePlace * *middle ? extent : 1.0, distances * *middle);
+  return std::min(extent > kOnePlace * middle ? extent : 1.0, distances * middle);
 }
 
 fs::path maskNamedFor(const fs::path& name) {

@@ -10,7 +10,7 @@
 
 #include "core/model/float_steps.h"
 #include "core/model/views.h"
-#include "core/system/assert.h"
+#include "core/system/median.h"
 #include "core/system/numbers.h"
 #include "shared/limits.h"
 

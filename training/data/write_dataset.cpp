@@ -2,18 +2,14 @@
 // Photographs as PNG files, cameras as JSON, points as PLY.
 #include "training/data/write_dataset.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
 #include "core/file/file.h"
+#include "core/file/folder_lock.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
 #include "core/system/parallel.h"
@@ -127,23 +123,6 @@ void writePoints(const fs::path& path, const PointCloud& points) {
 
 namespace {
 
-// Of two that write into a folder at once, the second is refused.
-class WrittenFolder {
- public:
-  explicit WrittenFolder(const fs::path& folder) : lock_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    if (lock_ < 0 || ::flock(lock_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
-    ::close(lock_);
-    throw Error(ErrorKind::cannotWrite, folder.string(), "another program is writing into this folder");
-  }
-  ~WrittenFolder() {
-    if (lock_ >= 0) ::close(lock_);
-  }
-  WrittenFolder& operator=(WrittenFolder&&) = delete;
-
- private:
-  const int lock_;
-};
-
 fs::file_type typeOf(const fs::path& path) {
   std::error_code error;
   return fs::symlink_status(path, error).type();
@@ -154,7 +133,7 @@ fs::file_type typeOf(const fs::path& path) {
 void writeAllOrNone(const fs::path& folder, std::vector<std::string> files, const std::function<void()>& write) {
   const bool is_new = typeOf(folder) == fs::file_type::not_found;
   createFolder(folder);
-  const WrittenFolder alone(folder);
+  const FolderLock alone(folder);
   std::erase_if(files, [&](const std::string& file) { return typeOf(folder / file) != fs::file_type::not_found; });
   try {
     write();

@@ -2,11 +2,6 @@
 // photos.json in and out.
 #include "training/photos/ledger.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -41,41 +36,32 @@ Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
   made_ = fs::create_directories(folder_, error);
   if (error) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot make this folder: " + error.message());
-  lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (lock_ < 0) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot open this folder: " + systemReason());
+  lock_.emplace(folder_);
+  const fs::path file = folder_ / kFile;
+  if (!isFile(file)) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
+      if (entry.path().filename().string().starts_with(".tg-")) continue;
+      throw Error(ErrorKind::cannotWrite, folder_.string(),
+                  "holds other files (expected a folder of tgtrain photos, or none; --work names another)");
+    }
+    write();
+    return;
+  }
   try {
-    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-      throw Error(ErrorKind::cannotWrite, folder_.string(), "another tgtrain is at work in this folder");
+    const nlohmann::json json = parseJson(readFile(file, kMaxLedgerBytes), file.string());
+    if (json.at("format") != kFormat || json.at("version") != kVersion) return;
+    std::map<PhotoStage, Entry> entries;
+    for (const PhotoStage stage : valuesOf<PhotoStage>()) {
+      const auto found = json.at("stages").find(std::string(name(stage)));
+      if (found == json.at("stages").end()) break;
+      entries[stage] = {found->at("made_of").get<std::string>(), found->at("done").get<bool>(),
+                        found->at("result").dump()};
+      if (!entries[stage].done) break;
     }
-    const fs::path file = folder_ / kFile;
-    if (!isFile(file)) {
-      for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
-        if (entry.path().filename().string().starts_with(".tg-")) continue;
-        throw Error(ErrorKind::cannotWrite, folder_.string(),
-                    "holds other files (expected a folder of tgtrain photos, or none; --work names another)");
-      }
-      write();
-      return;
-    }
-    try {
-      const nlohmann::json json = parseJson(readFile(file, kMaxLedgerBytes), file.string());
-      if (json.at("format") != kFormat || json.at("version") != kVersion) return;
-      std::map<PhotoStage, Entry> entries;
-      for (const PhotoStage stage : valuesOf<PhotoStage>()) {
-        const auto found = json.at("stages").find(std::string(name(stage)));
-        if (found == json.at("stages").end()) break;
-        entries[stage] = {found->at("made_of").get<std::string>(), found->at("done").get<bool>(),
-                          found->at("result").dump()};
-        if (!entries[stage].done) break;
-      }
-      entries_ = std::move(entries);
-    } catch (const Error& broken) {
-      if (broken.kind == ErrorKind::cannotRead) throw;
-    } catch (const nlohmann::json::exception&) {  // of another version: everything is done anew
-    }
-  } catch (...) {
-    ::close(lock_);
-    throw;
+    entries_ = std::move(entries);
+  } catch (const Error& broken) {
+    if (broken.kind == ErrorKind::cannotRead) throw;
+  } catch (const nlohmann::json::exception&) {  // of another version: everything is done anew
   }
 }
 
@@ -86,7 +72,6 @@ Ledger::~Ledger() {
     fs::remove_all(folder_ / "logs", ignored);
     fs::remove(folder_, ignored);  // where nothing else is in it
   }
-  ::close(lock_);
 }
 
 bool Ledger::isBegun(PhotoStage stage, const std::string& made_of) const {

@@ -3,8 +3,10 @@
 #pragma once
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 
+#include "core/file/folder_lock.h"
 #include "core/system/names.h"
 
 namespace tg {
@@ -46,7 +48,7 @@ class Ledger {
   const std::filesystem::path folder_;
   std::map<PhotoStage, Entry> entries_;
   bool made_ = false;  // was not there before
-  int lock_ = -1;      // descriptor of the folder
+  std::optional<FolderLock> lock_;
 };
 
 }  // namespace tg

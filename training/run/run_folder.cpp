@@ -3,7 +3,6 @@
 #include "training/run/run_folder.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -170,12 +169,8 @@ RunFolder::RunFolder(RunFolderOptions options)
   std::error_code error;
   made_ = fs::create_directories(folder, error);
   if (error) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot make this folder: " + error.message());
-  lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   try {
-    if (lock_ < 0) throw Error(ErrorKind::cannotWrite, folder.string(), "cannot open this folder: " + systemReason());
-    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-      throw Error(ErrorKind::cannotWrite, folder.string(), "another tgtrain is at work in this folder");
-    }
+    lock_.emplace(folder);
     has_checkpoint_ = options_.resume && fs::exists(checkpoint());
     if (!has_checkpoint_ && !options_.overwrite && !isFresh(folder, options_.resume)) {
       throw Error(ErrorKind::cannotWrite, folder.string(),
@@ -206,7 +201,6 @@ void RunFolder::leave() {
     removePreviews(options_.folder / "previews");
   }
   if (made_) fs::remove(options_.folder, ignored);  // where nothing is in it
-  if (lock_ >= 0) ::close(lock_);
 }
 
 bool RunFolder::owns(const fs::path& file) const {

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "core/file/folder_lock.h"
 #include "training/run/checkpoint.h"
 #include "training/run/metrics_log.h"
 #include "training/run/report.h"
@@ -96,7 +97,7 @@ class RunFolder {
   const RunFolderOptions options_;
   const Clock::time_point start_ = Clock::now();
   bool made_ = false;  // was not there before
-  int lock_ = -1;      // descriptor of the folder
+  std::optional<FolderLock> lock_;
   bool has_checkpoint_ = false;
   double earlier_seconds_ = 0;
   const Dataset* dataset_ = nullptr;

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "core/model/camera.h"
-#include "core/model/float_steps.h"
+#include "core/system/median.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "training/data/dataset.h"

@@ -146,7 +146,7 @@ TEST_CASE("what could not be written takes nothing along that another wrote", "[
     for (const char* file : {"images/a/own.png", "masks/a/own.png", "images/other.png"})
       std::ofstream(both / file) << "";
     CHECK_THROWS_WITH(tg::writeAllOrNone(both, {"images/other.png"}, [] {}),
-                      Contains("both: another program is writing into this folder"));
+                      Contains("both: another tgtrain is at work in this folder"));
     throw tg::Error(tg::ErrorKind::cannotWrite, "full");
   };
   CHECK_THROWS_WITH(tg::writeAllOrNone(both, {"images/a/own.png", "masks/a/own.png"}, writeHalf), "full");
