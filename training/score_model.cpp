@@ -29,7 +29,8 @@ EvalScene readEvalScene(const std::string& path, bool quiet) {
 }
 
 void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset) {
-  for (const std::string& note : notesOnViews(scene.trained, dataset.name, dataset.views)) {
+  for (const std::string& note :
+       notesOnViews(scene.trained, dataset.name, dataset.normalized.has_value(), dataset.views)) {
     std::fprintf(stderr, "tgeval: %s\n", printable(path + ": " + note).c_str());
   }
 }

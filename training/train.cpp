@@ -34,6 +34,7 @@
 #include "training/run/report.h"
 #include "training/run/trained_bundle.h"
 #include "training/run/trainer.h"
+#include "training/score/trained_on.h"
 #include "training/step/context.h"
 #include "training/together.h"
 #include "training/watch.h"
@@ -365,6 +366,8 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
     throw Error(ErrorKind::cannotRead, options.context, "no such file");
   }
   std::optional<Bundle> start = startModel(options);
+  const std::string other = start ? otherWorld(trainedOn(*start), options.data.normalize) : "";
+  if (!other.empty()) throw Error(ErrorKind::usage, options.start_model, other + " (expected both of one world)");
   const GaussianModel* model = start ? &start->model : nullptr;
   planRecipe(options, 0, model, !together, settings);
   checkTrainable(settings, model, !together);

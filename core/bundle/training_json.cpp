@@ -2,6 +2,7 @@
 // A member of a JSON that is free-form otherwise.
 #include "core/bundle/training_json.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/file/json.h"
@@ -10,17 +11,19 @@
 namespace tg {
 namespace {
 
-// False where there is none.
-bool isTrue(const std::string& training_json, const char* pointer) {
-  if (training_json.empty()) return false;
+// Null where there is none.
+nlohmann::json memberOf(const std::string& training_json, const char* pointer) {
+  if (training_json.empty()) return nullptr;
   try {
     const nlohmann::json json = parseJson(training_json, "training.json");
     const nlohmann::json::json_pointer member(pointer);
-    return json.contains(member) && json[member] == true;
+    return json.contains(member) ? json[member] : nullptr;
   } catch (const Error&) {
-    return false;
+    return nullptr;
   }
 }
+
+bool isTrue(const std::string& training_json, const char* pointer) { return memberOf(training_json, pointer) == true; }
 
 }  // namespace
 
@@ -40,5 +43,21 @@ void noteEdited(std::string& training_json) {
 }
 
 bool wasForValidation(const std::string& training_json) { return isTrue(training_json, "/dataset/validation"); }
+
+std::optional<std::optional<Normalization>> normalizationOf(const std::string& training_json) {
+  const nlohmann::json dataset = memberOf(training_json, "/dataset");
+  if (!dataset.is_object() || !dataset.contains("normalized") || wasEdited(training_json)) return std::nullopt;
+  const nlohmann::json& said = dataset["normalized"];
+  if (said.is_null()) return std::optional<Normalization>();
+  const auto number = [](const nlohmann::json& from) { return from.is_number() ? from.get<double>() : NAN; };
+  if (!said.is_object() || !said.contains("scale") || !said.contains("origin")) return std::nullopt;
+  const nlohmann::json& origin = said["origin"];
+  if (!origin.is_array() || origin.size() != 3) return std::nullopt;
+  const Normalization found{number(said["scale"]), {number(origin[0]), number(origin[1]), number(origin[2])}};
+  if (!(found.scale > 0) || !std::isfinite(found.scale + found.origin.x + found.origin.y + found.origin.z)) {
+    return std::nullopt;
+  }
+  return found;
+}
 
 }  // namespace tg

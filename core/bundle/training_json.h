@@ -2,6 +2,8 @@
 // What every reader of a bundle's training.json asks.
 #pragma once
 #include <array>
+#include <glm/glm.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -22,6 +24,16 @@ bool wasInterrupted(const std::string& training_json);
 
 // Whether its held-out views were training views (--validation): the data set's test views are none of its cameras.
 bool wasForValidation(const std::string& training_json);
+
+// How a data set was moved and scaled before training (--normalize): x there is scale * (x - origin).
+struct Normalization {
+  double scale = 1;
+  glm::dvec3 origin{0.0};  // [world units of the data set]
+  bool operator==(const Normalization&) const = default;
+};
+// Of the data set that the model was trained on; none: it was taken as it is. Outer none: not known, as for "", for
+// what does not say and for models edited since, which may have been brought back.
+std::optional<std::optional<Normalization>> normalizationOf(const std::string& training_json);
 
 // Writes down that the model is no longer what was trained and scored: "edited". Nothing to "".
 void noteEdited(std::string& training_json);

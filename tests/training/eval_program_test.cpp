@@ -7,10 +7,12 @@
 
 #include "core/bundle/bundle.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/training_json.h"
 #include "core/file/file.h"
 #include "core/image/drawn.h"
 #include "core/image/image.h"
 #include "core/model/model.h"
+#include "core/system/numbers.h"
 #include "program.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -138,8 +140,32 @@ TEST_CASE("tgeval tells of a model of other photographs, or of others' size", "[
   REQUIRE(moved.code == 0);
   CHECK_THAT(moved.output,
              Contains("scene: normalized: ") && Contains(" (tgconvert brings a model back with --scale "));
-  CHECK_THAT(tgeval(folder, "moved.tgz scene").output, Contains("none of its 6 cameras is among the views"));
-  CHECK_THAT(tgeval(folder, "moved.tgz scene --normalize").output, !Contains("none of its"));
+  const std::string with = "was trained with --normalize, and the data set is read without it";
+  const std::string without = "was trained without --normalize, and the data set is read with it";
+  CHECK_THAT(tgeval(folder, "moved.tgz scene").output,
+             Contains("tgeval: moved.tgz: " + with + "\n") && !Contains("none of its"));
+  CHECK_THAT(tgeval(folder, "moved.tgz scene --normalize").output,
+             !Contains("none of its") && !Contains("was trained"));
+  CHECK_THAT(tgeval(folder, "model.tgz scene --normalize").output, Contains("tgeval: model.tgz: " + without + "\n"));
+
+  const Outcome from_moved = tgtrain(train + "on.tgz --start-model moved.tgz");
+  CHECK(from_moved.code == 1);
+  CHECK(from_moved.output == "tgtrain: moved.tgz: " + with + " (expected both of one world)\n");
+  const Outcome from_there = tgtrain(train + "on.tgz --normalize --start-model model.tgz");
+  CHECK(from_there.code == 1);
+  CHECK(from_there.output == "tgtrain: model.tgz: " + without + " (expected both of one world)\n");
+  CHECK(tgtrain(train + "on.tgz --normalize --start-model moved.tgz").code == 0);
+
+  // The record says the way back, as the line printed does.
+  const tg::Bundle bundle = tg::readBundle(folder / "moved.tgz");
+  const auto known = tg::normalizationOf(bundle.training_json);
+  REQUIRE((known && *known));
+  const glm::dvec3 origin = (*known)->origin;
+  const std::string back = " --scale " + tg::numberText(1 / (*known)->scale) + " --translate " +
+                           tg::numberText(origin.x) + "," + tg::numberText(origin.y) + "," + tg::numberText(origin.z);
+  CHECK_THAT(moved.output, Contains("(tgconvert brings a model back with" + back + ")"));
+  REQUIRE(run(folder, "'" TG_TGCONVERT "' moved.tgz home.tgz" + back).code == 0);
+  CHECK_THAT(tgeval(folder, "home.tgz scene").output, !Contains("none of its") && !Contains("was trained"));
 }
 
 TEST_CASE("tgeval draws beyond textures what it is told to, and says so", "[programs]") {

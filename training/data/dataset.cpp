@@ -512,16 +512,15 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   dataset.background = options.background.value_or(index.background.value_or(usual));
   dataset.random_background = options.random_background;
   dataset.validation = options.validation;
-  dataset.normalized = options.normalize;
   dataset.masks = options.masks;
-  const double scale = options.normalize ? normalize(index, dataset.notes) : 1;
+  if (options.normalize) dataset.normalized = normalize(index, dataset.notes);
   if (block && !options.points) {
     dataset.points = readPointCloudPly(place / "points3d.ply");
   } else {
     dataset.points = choosePoints(options, index, dataset.notes);
   }
-  if (options.normalize) {
-    for (glm::vec3& point : dataset.points.position) point = glm::vec3(scale * glm::dvec3(point));
+  if (dataset.normalized) {
+    for (glm::vec3& point : dataset.points.position) point = glm::vec3(dataset.normalized->scale * glm::dvec3(point));
   }
   checkPoints(options.points.value_or(place), dataset.points);
 

@@ -13,6 +13,7 @@
 #include "core/bundle/blocks.h"
 #include "core/bundle/camera_file.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/training_json.h"
 #include "core/model/camera.h"
 #include "core/system/names.h"
 #include "training/data/photographs.h"
@@ -34,7 +35,7 @@ struct Dataset {
   PointCloud points;                           // empty when the data set has none
   glm::vec3 background{0.0f};                  // what scores are taken against, and training without random_background
   bool random_background = false;              // transparency is kept: training composites over a new colour every time
-  bool normalized = false;                     // moved and scaled as it was read
+  std::optional<Normalization> normalized;     // how it was moved and scaled as it was read
   bool validation = false;                     // the views called test are training views that were held out
   MaskMeaning masks = MaskMeaning::hidden;
   std::vector<std::string> notes;                // what a user should know: one line each, without the data set's path

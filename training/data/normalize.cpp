@@ -124,7 +124,7 @@ glm::dvec3 middleOf(const std::vector<DatasetIndex::Entry>& entries) {
   return middle;
 }
 
-double normalize(DatasetIndex& index, std::vector<std::string>& notes) {
+Normalization normalize(DatasetIndex& index, std::vector<std::string>& notes) {
   const glm::dvec3& origin = index.origin;
   std::vector<Camera> cameras;
   std::vector<double> distances;
@@ -146,7 +146,7 @@ double normalize(DatasetIndex& index, std::vector<std::string>& notes) {
                   "," + formatted("%.6g", origin.y) + "," + formatted("%.6g", origin.z) +
                   " (tgconvert brings a model back with --scale " + numberText(1 / scale) + " --translate " +
                   numberText(origin.x) + "," + numberText(origin.y) + "," + numberText(origin.z) + ")");
-  return scale;
+  return {scale, origin};
 }
 
 std::vector<std::string> notesOnPlace(const Dataset& dataset, const std::string& remedy) {

@@ -26,9 +26,9 @@ glm::dvec3 middleOf(const std::vector<DatasetIndex::Entry>& entries);
 // Cameras get index.origin in their middle and are scaled: 1.1 * their median distance from there becomes
 // kNormalExtent, or more where the data set's own points would lie nearer than kNormalDepth. By all cameras that it
 // lists, whatever is held out, missing or left out. Of cameras at one place the median point is then kNormalExtent
-// away. Returns the scale that points, which are from index.origin, want as well. The last of `notes` says how
-// tgconvert brings a model back.
-double normalize(DatasetIndex& index, std::vector<std::string>& notes);
+// away. Points, which are from index.origin, want the scale as well. The last of `notes` says how tgconvert brings a
+// model back.
+Normalization normalize(DatasetIndex& index, std::vector<std::string>& notes);
 
 // A line each for a scene most of which is so near to its cameras that it is not drawn, and for one so far out that
 // floats are coarser than a tenth of a pixel there. Looks at some 4,096 points and 64 views. `remedy`: what is to be

@@ -174,7 +174,12 @@ std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& sett
                      {"height", camera.size.y},
                      {"downscale", options.downscale},
                      {"points", dataset.points.position.size()},
+                     {"normalized", nullptr},
                      {"fingerprint", options.fingerprint.empty() ? datasetFingerprint(dataset) : options.fingerprint}};
+  if (const std::optional<Normalization>& made = dataset.normalized) {
+    json["dataset"]["normalized"] = {{"scale", made->scale},
+                                     {"origin", {made->origin.x, made->origin.y, made->origin.z}}};
+  }
   for (const SettingEntry& entry : settingEntries()) {
     const std::string value = entry.get(settings);
     const Json number = Json::parse(value, nullptr, false);

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 
-#include "core/bundle/training_json.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -19,6 +18,7 @@ std::string sizeText(const Camera& camera) {
 TrainedOn trainedOn(const Bundle& bundle) {
   TrainedOn trained;
   trained.knows_split = !bundle.training_json.empty();
+  trained.normalized = normalizationOf(bundle.training_json);
   const bool is_exact = bundle.format == "tgz" || bundle.format.empty();  // other files round cameras
   if (is_exact && !wasForValidation(bundle.training_json)) trained.cameras = bundle.cameras;
   // What was trained elsewhere, or went through a format that lacks it, has a background that nobody chose; cameras are
@@ -29,9 +29,16 @@ TrainedOn trainedOn(const Bundle& bundle) {
   return trained;
 }
 
-std::vector<std::string> notesOnViews(const TrainedOn& trained, const std::string& dataset,
+std::string otherWorld(const TrainedOn& trained, bool normalized) {
+  if (!trained.normalized || trained.normalized->has_value() == normalized) return "";
+  return normalized ? "was trained without --normalize, and the data set is read with it"
+                    : "was trained with --normalize, and the data set is read without it";
+}
+
+std::vector<std::string> notesOnViews(const TrainedOn& trained, const std::string& dataset, bool normalized,
                                       std::span<const Camera> views) {
   std::vector<std::string> notes;
+  if (const std::string other = otherWorld(trained, normalized); !other.empty()) return {other};
   if (trained.cameras.empty()) return notes;
   // Edited models' cameras move with them, by computation.
   constexpr double kSame = 1e-6;

@@ -4,6 +4,7 @@
 #include "core/bundle/bundle.h"
 #include "core/bundle/manifest.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/training_json.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -188,4 +189,30 @@ TEST_CASE("a failed write leaves the older file as it was and nothing beside it"
   const std::filesystem::path there = folder / "\x1bx" / "a.tgz";
   REQUIRE_THROWS_WITH(tg::writeBundle(there, tinyBundle()),
                       Contains("?x/a.tgz: ") && !Contains("?x/a.tgz: " + folder.path.string()));
+}
+
+TEST_CASE("training.json says which world a model is of, or it is not known") {
+  using tg::normalizationOf;
+  const auto of = [](const std::string& normalized) {
+    return normalizationOf(R"({"dataset": {"normalized": )" + normalized + "}}");
+  };
+  const std::string moved = R"({"scale": 0.5, "origin": [1, -2, 500000.25]})";
+  REQUIRE((of(moved) && *of(moved)));
+  CHECK(**of(moved) == tg::Normalization{0.5, {1, -2, 500000.25}});
+  REQUIRE(of("null"));
+  CHECK_FALSE(of("null")->has_value());
+  for (const char* other : {"true", "3", "{}", R"({"scale": 1})", R"({"scale": 0, "origin": [0, 0, 0]})",
+                            R"({"scale": -1, "origin": [0, 0, 0]})", R"({"scale": "1", "origin": [0, 0, 0]})",
+                            R"({"scale": 1, "origin": [0, 0]})", R"({"scale": 1, "origin": {"x": 0, "y": 0, "z": 0}})",
+                            R"({"scale": 1, "origin": [0, null, 0]})"}) {
+    INFO(other);
+    CHECK_FALSE(of(other).has_value());
+  }
+  for (const char* other : {"", "{}", "[]", "{", R"({"dataset": 1})", R"({"dataset": {}})"}) {
+    INFO(other);
+    CHECK_FALSE(normalizationOf(other).has_value());
+  }
+  std::string edited = R"({"dataset": {"normalized": null}})";
+  tg::noteEdited(edited);
+  CHECK_FALSE(normalizationOf(edited).has_value());
 }
