@@ -48,7 +48,7 @@ std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& opti
   if (file.empty()) {
     throw Error(ErrorKind::cannotRead, options.photographs.string(), "holds no photograph \"" + taken.name + "\"");
   }
-  return {resampled(readImage(file), taken, view, background), file.string()};
+  return {resampled(readPhotograph(file), taken, view, background), file.string()};
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "render/visualize.h"
+#include "viewer/picture/photographs.h"
 #include "viewer/view/legend.h"
 
 namespace tg {
@@ -213,7 +214,7 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
   } else {
     if (!photograph_) {
       try {
-        photograph_ = std::make_shared<const Image>(readImage(other.photograph));
+        photograph_ = std::make_shared<const Image>(readPhotograph(other.photograph));
       } catch (const Error& error) {
         picture.problem = error.what();
         return;

@@ -3,18 +3,23 @@
 #include "viewer/picture/photographs.h"
 
 #include <algorithm>
+#include <optional>
+#include <system_error>
 #include <tuple>
 #include <utility>
 
+#include "core/bundle/blocks.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
 
 namespace tg {
+namespace fs = std::filesystem;
+
 namespace {
 
 bool isPhotograph(const std::filesystem::path& path) {
   const std::string extension = lowerExtension(path);
-  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg" || extension == ".exr";
 }
 
 std::ptrdiff_t depth(const std::filesystem::path& path) { return std::distance(path.begin(), path.end()); }
@@ -40,13 +45,21 @@ bool isNamedForPhotographs(const std::filesystem::path& path) {
   });
 }
 
+// A block holds no photographs: they are where it says.
+fs::path wholeOf(fs::path folder) {
+  const std::optional<BlockFile> block = readBlock(folder);
+  return block ? (folder / block->dataset).lexically_normal() : folder;
+}
+
 }  // namespace
 
-Photographs::Photographs(std::filesystem::path folder) : folder_(std::move(folder)) {
-  namespace fs = std::filesystem;
+Photographs::Photographs(std::filesystem::path folder) : folder_(wholeOf(std::move(folder))) {
   std::error_code error;
   fs::recursive_directory_iterator at(
       folder_, fs::directory_options::skip_permission_denied | fs::directory_options::follow_directory_symlink, error);
+  if (error == std::errc::no_such_file_or_directory) {
+    throw Error(ErrorKind::cannotRead, folder_.string(), "no such folder");
+  }
   if (error) throw Error(ErrorKind::cannotRead, folder_.string(), "cannot list the folder: " + error.message());
   for (; at != fs::recursive_directory_iterator(); at.increment(error)) {
     if (error) break;
@@ -59,7 +72,8 @@ Photographs::Photographs(std::filesystem::path folder) : folder_(std::move(folde
     ++count_;
   }
   if (count_ == 0) {
-    throw Error(ErrorKind::cannotRead, folder_.string(), "holds no photographs (expected .png, .jpg or .jpeg files)");
+    throw Error(ErrorKind::cannotRead, folder_.string(),
+                "holds no photographs (expected .png, .jpg, .jpeg or .exr files)");
   }
   for (auto& [stem, paths] : by_stem_) {
     std::sort(paths.begin(), paths.end(),
@@ -85,6 +99,12 @@ std::filesystem::path Photographs::find(const Camera& camera) const {
   // Of those that are equally alike the least deep.
   const auto best = std::ranges::max_element(found->second, {}, likeness);
   return folder_ / *best;
+}
+
+Image readPhotograph(const fs::path& file) {
+  Image photograph = readImage(file);
+  for (float& value : photograph.data) value = value > 0 ? std::min(value, 1.0f) : 0.0f;  // one that is none is not
+  return photograph;
 }
 
 }  // namespace tg

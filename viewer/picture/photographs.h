@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/image/image.h"
 #include "core/model/camera.h"
 
 namespace tg {
@@ -14,8 +15,9 @@ namespace tg {
 // test/ of the synthetic scenes.
 class Photographs {
  public:
-  // Looks for .png, .jpg and .jpeg, at most kMaxPhotographFolders folders deep, but not in masks/, masks_4/ and the
-  // like below the folder. Throws Error(cannotRead) when there is no such folder or no photograph in it.
+  // Looks for .png, .jpg, .jpeg and .exr, at most kMaxPhotographFolders folders deep, but not in masks/, masks_4/ and
+  // the like below the folder. A block's folder stands for its whole data set's. Throws Error(cannotRead) when there is
+  // no such folder or no photograph in it, and what readBlock throws.
   explicit Photographs(std::filesystem::path folder);
 
   const std::filesystem::path& folder() const { return folder_; }
@@ -33,5 +35,9 @@ class Photographs {
 };
 
 constexpr int kMaxPhotographFolders = 4;
+
+// As training takes it: an EXR's numbers below 0 and those that are none are 0, those above 1 are 1. Throws what
+// readImage throws.
+Image readPhotograph(const std::filesystem::path& file);
 
 }  // namespace tg

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <utility>
 
+#include "core/system/error.h"
+
 namespace tg {
 namespace {
 
@@ -22,8 +24,15 @@ std::filesystem::path fileOf(const ViewerState& state, const OtherPicture& other
 }  // namespace
 
 ComparisonControl::ComparisonControl(const ViewOptions& options, std::function<void()> wake)
-    : photographs_(options.photographs.empty() ? std::nullopt : std::make_optional<Photographs>(options.photographs)),
-      metrics_(std::move(wake)) {}
+    : metrics_(std::move(wake)) {
+  if (options.photographs.empty()) return;
+  try {
+    photographs_.emplace(options.photographs);
+  } catch (const Error& error) {
+    if (!options.follow) throw;
+    without_photographs_ = error.what();
+  }
+}
 
 std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, std::string& problem) const {
   const CompareState& compare = state.compare;

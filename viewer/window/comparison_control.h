@@ -19,11 +19,13 @@ namespace tg {
 
 class ComparisonControl {
  public:
-  // Looks through options.photographs; throws what Photographs throws. `wake` is called in another thread when a
-  // picture has been measured.
+  // Looks through options.photographs; throws what Photographs throws, but with options.follow: a run that can be
+  // watched without its photographs is. `wake` is called in another thread when a picture has been measured.
   ComparisonControl(const ViewOptions& options, std::function<void()> wake);
 
-  bool hasPhotographs() const { return photographs_.has_value(); }
+  const std::optional<Photographs>& photographs() const { return photographs_; }
+  // Why there are none; "": there are, or nobody asked for them.
+  const std::string& withoutPhotographs() const { return without_photographs_; }
 
   // None where there is nothing to compare with; `problem` says why, unless comparing is off.
   std::optional<OtherPicture> other(const ViewerState& state, std::string& problem) const;
@@ -42,6 +44,7 @@ class ComparisonControl {
 
  private:
   std::optional<Photographs> photographs_;
+  std::string without_photographs_;
   MetricsThread metrics_;
   // What figures are of. It keeps no model alive.
   struct Subject {

@@ -183,13 +183,16 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       runs_(options, started_, script_.has_value()) {
   awake_ = true;
   session_.start(state_);
+  if (!comparison_.withoutPhotographs().empty()) state_.messages.error = comparison_.withoutPhotographs();
   if (script_) script_->error = state_.messages.error;
   if (!options.path.empty() && !options.benchmark) readPathFile(state_, options.path);
   state_.follow.active = options.follow;
-  state_.compare.photographs = options.photographs;
-  state_.compare.with_photographs = comparison_.hasPhotographs();
+  if (const std::optional<Photographs>& photographs = comparison_.photographs()) {
+    state_.compare.photographs = photographs->folder();
+    state_.compare.with_photographs = true;
+  }
   state_.compare.other = options.compare;
-  if (!options.compare.empty() || comparison_.hasPhotographs()) state_.compare.how.mode = options.compare_mode;
+  if (!options.compare.empty() || state_.compare.with_photographs) state_.compare.how.mode = options.compare_mode;
   state_.compare.how.gain = options.difference_gain;
   state_.record.fps = options.fps;
   state_.stream.budget = options.splat_budget.value_or(kUsualSplatBudget);

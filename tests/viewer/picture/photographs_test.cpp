@@ -3,7 +3,10 @@
 #include "viewer/picture/photographs.h"
 
 #include <fstream>
+#include <limits>
+#include <vector>
 
+#include "core/bundle/blocks.h"
 #include "core/system/error.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -78,4 +81,34 @@ TEST_CASE("a photograph in the folder of its camera goes before one with its ext
   CHECK(foundIn(folder, "cam1/a") == "images/cam1/a.png");
   CHECK(foundIn(folder, "./cam1/b.jpg") == "set/images/cam1/b.png");
   CHECK(foundIn(folder, "cam1/frame.1") == "images/cam1/frame.1.png");
+}
+
+TEST_CASE("a folder that is none is named as such") {
+  const TemporaryFolder folder;
+  CHECK_THROWS_WITH(Photographs(folder / "nix"), Contains("nix: no such folder"));
+}
+
+TEST_CASE("photographs may be EXR whose numbers are display colours from 0 to 1") {
+  const TemporaryFolder folder;
+  Image image(2, 1, 3, 0.5f);
+  image.data[0] = -1;
+  image.data[1] = 7;
+  image.data[2] = std::numeric_limits<float>::quiet_NaN();
+  writeImage(folder / "a.exr", image);
+  CHECK(foundIn(folder, "a.exr") == "a.exr");
+  CHECK(readPhotograph(folder / "a.exr").data == std::vector<float>{0, 1, 0, 0.5f, 0.5f, 0.5f});
+}
+
+TEST_CASE("the photographs of a block are those of its data set") {
+  const TemporaryFolder folder;
+  touch(folder / "city/images/a.jpg");
+  std::filesystem::create_directories(folder / "blocks/block_0_0");
+  BlockFile block{{}, "../../city", "colmap", {"images/a.jpg"}};
+  block.block.name = "block_0_0";
+  block.block.cell.low = glm::dvec2(-1);
+  block.block.cell.high = glm::dvec2(1);
+  writeBlock(folder / "blocks/block_0_0", block);
+  const Photographs photographs(folder / "blocks/block_0_0");
+  CHECK(photographs.folder() == (folder / "city"));
+  CHECK(photographs.size() == 1);
 }

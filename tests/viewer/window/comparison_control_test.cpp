@@ -200,3 +200,14 @@ TEST_CASE("a photograph is measured at its own size and brightness whatever the 
     }
   }
 }
+
+TEST_CASE("a run whose photographs cannot be shown is followed without them, and why is said") {
+  const TemporaryFolder folder;
+  ViewOptions options;
+  options.photographs = folder.path;
+  CHECK_THROWS_WITH(ComparisonControl(options, [] {}), Contains("holds no photographs"));
+  options.follow = true;
+  const ComparisonControl control(options, [] {});
+  CHECK_FALSE(control.photographs());
+  CHECK_THAT(control.withoutPhotographs(), Contains("holds no photographs"));
+}
