@@ -41,6 +41,9 @@ std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& opti
     throw Error(ErrorKind::usage, "--photos", options.model.string() + " has no cameras (expected --camera FILE.json)");
   }
   const Photographs photographs(options.photographs);
+  if (photographs.haveLens() && !options.quiet) {
+    std::fprintf(stderr, "%s\n", printable(options.photographs.string() + ": warning: " + kLensNote).c_str());
+  }
   ViewOptions as_taken = options;
   as_taken.size.reset();
   const Camera taken = cameraFor(as_taken, scene);

@@ -125,6 +125,11 @@ void compareSection(ViewerState& state) {
   }};
   heading("COMPARE");
   chooseOther(state);
+  if (compare.with_photographs && compare.photographs_have_lens) {
+    ImGui::PushTextWrapPos();
+    ImGui::TextColored(kWarningText, "%s", kLensNote);
+    ImGui::PopTextWrapPos();
+  }
   for (int i = 0; i < static_cast<int>(labels.size()); ++i) {
     const auto mode = static_cast<CompareMode>(i);
     if (segment(labels[static_cast<std::size_t>(i)].first, compare.how.mode == mode, i % 3, 3)) {

@@ -11,6 +11,7 @@
 #include "core/bundle/blocks.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
+#include "viewer/picture/dataset_lens.h"
 
 namespace tg {
 namespace fs = std::filesystem;
@@ -79,6 +80,7 @@ Photographs::Photographs(std::filesystem::path folder) : folder_(wholeOf(std::mo
     std::sort(paths.begin(), paths.end(),
               [](const fs::path& a, const fs::path& b) { return std::pair(depth(a), a) < std::pair(depth(b), b); });
   }
+  have_lens_ = hasLens(folder_);
 }
 
 std::filesystem::path Photographs::find(const Camera& camera) const {

@@ -21,6 +21,8 @@ class Photographs {
   explicit Photographs(std::filesystem::path folder);
 
   const std::filesystem::path& folder() const { return folder_; }
+  // Whether a camera of the data set has one (dataset_lens.h): they are then no pictures of a pinhole's.
+  bool haveLens() const { return have_lens_; }
   std::size_t size() const { return count_; }
   // The file of a camera's name, with or without folder and extension; empty: none. Of several that are called alike
   // (images/ and images_4/, train/ and test/, renderings): the one whose folder says the camera's split, then below the
@@ -30,6 +32,7 @@ class Photographs {
 
  private:
   const std::filesystem::path folder_;
+  bool have_lens_ = false;
   std::size_t count_ = 0;
   std::map<std::string, std::vector<std::filesystem::path>> by_stem_;  // relative to the folder, best first
 };

@@ -66,11 +66,15 @@ struct PicturePair {
   std::vector<std::uint8_t> mask;  // 0: the pixel does not count; empty: all do
 };
 
+inline constexpr const char* kLensNote =
+    "photographs have a lens, the model's pictures have none: tgtrain undistort DATASET OUT makes ones to compare with";
+
 // What is compared, and what is known of it.
 struct CompareState {
   Comparison how;
   std::filesystem::path other;        // an open model; where it is not one, the next open one counts
   std::filesystem::path photographs;  // a folder; empty: none
+  bool photographs_have_lens = false;
   bool with_photographs = false;      // instead of a model
   bool timed = false;                 // flicker by itself
   double flicker_seconds = 0.5;       // that each picture stays

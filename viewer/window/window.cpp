@@ -189,6 +189,7 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
   state_.follow.active = options.follow;
   if (const std::optional<Photographs>& photographs = comparison_.photographs()) {
     state_.compare.photographs = photographs->folder();
+    state_.compare.photographs_have_lens = photographs->haveLens();
     state_.compare.with_photographs = true;
   }
   state_.compare.other = options.compare;

@@ -228,6 +228,29 @@ TEST_CASE("a photograph is exposed like the model, figures against it are not, a
   CHECK_FALSE(contains(compared({"--compare", "model.tgz"}), " of the colours"));
 }
 
+TEST_CASE("photographs with a lens are said to be no picture of a pinhole's") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  std::filesystem::create_directories(shop / "data/images");
+  const std::vector<std::string> render = {"model.tgz", "--camera", "1", "--backend", "cpu", "--render"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), render.begin(), render.end());
+    const ProcessResult result = shop.tgview(more);
+    INFO(result.err);
+    REQUIRE(result.exit_code == 0);
+    return result.err;
+  };
+  with({"data/images/view1.png"});
+  shop.write("data/transforms.json", R"({"k1": 0.2, "frames": []})");
+  const std::string warning =
+      "data: warning: photographs have a lens, the model's pictures have none: tgtrain undistort DATASET OUT makes "
+      "ones to compare with\n";
+  CHECK(contains(with({"both.png", "--photos", "data"}), warning));
+  CHECK_FALSE(contains(with({"both.png", "--photos", "data", "--quiet"}), warning));
+  shop.write("data/transforms.json", R"({"k1": 0, "frames": []})");
+  CHECK_FALSE(contains(with({"both.png", "--photos", "data"}), warning));
+}
+
 TEST_CASE("with --quiet a picture is written without a word, a mistake is still said") {
   const Workshop shop;
   test::writeSample(shop / "model.tgz");

@@ -796,6 +796,15 @@ TEST_CASE("a tool is at work in either of two pictures beside each other, and it
   CHECK(selected[0]->chosen == selected[1]->chosen);
 }
 
+TEST_CASE("the panel says where photographs have a lens, and of models nothing of it") {
+  ViewerState state = fullState();
+  state.compare.photographs_have_lens = state.compare.with_photographs = true;
+  const Interface interface;
+  CHECK_THAT(interface.text(state), Contains("photographs have a lens"));
+  state.compare.with_photographs = false;
+  CHECK_THAT(interface.text(state), !Contains("have a lens"));
+}
+
 TEST_CASE("the half that has no picture beside the model's says why") {
   ViewerState state = bareState();
   state.compare.how.mode = CompareMode::side;

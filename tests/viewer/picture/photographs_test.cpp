@@ -2,8 +2,12 @@
 // Photographs by the names of cameras.
 #include "viewer/picture/photographs.h"
 
+#include <cstdint>
 #include <fstream>
+#include <initializer_list>
 #include <limits>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/bundle/blocks.h"
@@ -111,4 +115,57 @@ TEST_CASE("the photographs of a block are those of its data set") {
   const Photographs photographs(folder / "blocks/block_0_0");
   CHECK(photographs.folder() == (folder / "city"));
   CHECK(photographs.size() == 1);
+}
+
+TEST_CASE("a data set whose cameras have a lens is told by their files") {
+  const TemporaryFolder folder;
+  touch(folder / "images/a.jpg");
+  const auto haveLens = [&] { return Photographs(folder.path).haveLens(); };
+  const auto write = [&](const std::string& name, const std::string& text) {
+    std::filesystem::create_directories((folder / name).parent_path());
+    std::ofstream(folder / name) << text;
+  };
+  CHECK_FALSE(haveLens());
+  for (const auto& [text, lens] : std::initializer_list<std::pair<const char*, bool>>{
+           {R"({"k1": 0.2, "frames": []})", true},
+           {R"({"k1": 0, "p1": 0.0, "camera_model": "OPENCV", "frames": [{"k1": null}]})", false},
+           {R"({"frames": [{}, {"p2": -0.001}]})", true},
+           {R"({"camera_model": "OPENCV_FISHEYE"})", true},
+           {R"({"is_fisheye": true})", true},
+           {"[1]", false},
+           {"{", false}}) {
+    CAPTURE(text);
+    write("transforms.json", text);
+    CHECK(haveLens() == lens);
+  }
+  write("transforms.json", R"({"k1": 0.2})");
+  for (const auto& [text, lens] : std::initializer_list<std::pair<const char*, bool>>{
+           {"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 SIMPLE_PINHOLE 640 480 500 320 240\n", false},
+           {"1 PINHOLE 640 480 500 500 320 240\n2 SIMPLE_RADIAL 640 480 500 320 240 0.05\n", true},
+           {"1 SIMPLE_RADIAL 640 480 500 320 240 0\n", false},
+           {"1 RADIAL_FISHEYE 640 480 500 320 240 0 0\n", true},
+           {"1 OPENCV 640 480 500 500 320 240 0 0 0 1e-3\n", true}}) {
+    CAPTURE(text);
+    write("sparse/0/cameras.txt", text);
+    CHECK(haveLens() == lens);
+  }
+  // Of cameras.bin: a SIMPLE_PINHOLE before one of another model.
+  for (const double coefficient : {0.0, 0.05}) {
+    std::string bytes;
+    const auto add = [&](auto value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
+    const auto camera = [&](std::uint32_t id, std::int32_t model, std::initializer_list<double> parameters) {
+      add(id);
+      add(model);
+      add(std::uint64_t{640});
+      add(std::uint64_t{480});
+      for (const double parameter : parameters) add(parameter);
+    };
+    add(std::uint64_t{2});
+    camera(1, 0, {500, 320, 240});
+    camera(2, 2, {500, 320, 240, coefficient});
+    write("sparse/0/cameras.bin", bytes);
+    CHECK(haveLens() == (coefficient != 0));
+    write("sparse/0/cameras.bin", bytes.substr(0, bytes.size() - 1));
+    CHECK_FALSE(haveLens());
+  }
 }
