@@ -183,7 +183,16 @@ const char* program_name = "";
 }
 
 std::optional<std::uint64_t> bytesIn(const std::string& text) {
-  static const std::map<std::string, double> units = {{"", 1}, {"b", 1}, {"kb", 1e3}, {"mb", 1e6}, {"gb", 1e9}};
+  static const std::map<std::string, double> units = {{"", 1},
+                                                      {"b", 1},
+                                                      {"kb", 1e3},
+                                                      {"mb", 1e6},
+                                                      {"gb", 1e9},
+                                                      {"tb", 1e12},
+                                                      {"kib", 1024},
+                                                      {"mib", 1024 * 1024},
+                                                      {"gib", 1024.0 * 1024 * 1024},
+                                                      {"tib", 1024.0 * 1024 * 1024 * 1024}};
   const std::size_t number_end = text.find_last_of("0123456789.") + 1;
   std::string unit = text.substr(std::min(text.find_first_not_of(' ', number_end), text.size()));
   std::ranges::transform(unit, unit.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
@@ -270,7 +279,7 @@ CLI::Validator oneOf(std::vector<std::string> names) {
 
 CLI::Option* addBytes(CLI::App& app, const std::string& name, std::uint64_t& bytes, const std::string& help) {
   const auto check = [](const std::string& text) {
-    return bytesIn(text) ? "" : "expected bytes, such as 900KB or 1.5MB, found \"" + text + "\"";
+    return bytesIn(text) ? "" : "expected bytes, such as 900KB (900,000) or 1.5MiB (1,572,864), found \"" + text + "\"";
   };
   const auto take = [&bytes](const std::string& text) { bytes = *bytesIn(text); };
   return app.add_option_function<std::string>(name, take, help)->check(CLI::Validator(check, ""))->type_name("SIZE");

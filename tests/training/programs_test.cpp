@@ -601,9 +601,12 @@ TEST_CASE("a value that is none is named with what was expected", "[programs]") 
            {"--steps abc", "--steps: expected a number from 0.125 to 64, found \"abc\""},
            {"--threads 1.5", "--threads: expected an integer from 0 to 4096, found \"1.5\""},
            {"--downscale two", "--downscale: expected a number, found \"two\""},
-           {"--target-size foo", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"foo\""},
-           {"--target-size 0.5", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"0.5\""},
-           {"--target-size 3TB", "--target-size: expected bytes, such as 900KB or 1.5MB, found \"3TB\""}}) {
+           {"--target-size foo",
+            "--target-size: expected bytes, such as 900KB (900,000) or 1.5MiB (1,572,864), found \"foo\""},
+           {"--target-size 0.5",
+            "--target-size: expected bytes, such as 900KB (900,000) or 1.5MiB (1,572,864), found \"0.5\""},
+           {"--target-size 3PB",
+            "--target-size: expected bytes, such as 900KB (900,000) or 1.5MiB (1,572,864), found \"3PB\""}}) {
     const Outcome outcome = tgtrain(folder, "scene -o m.sog " + arguments);
     CHECK(outcome.code == 1);
     CHECK(outcome.output == "tgtrain: " + message + " (see --help)\n");

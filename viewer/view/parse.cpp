@@ -53,7 +53,8 @@ std::int64_t parseCount(const std::string& text, std::int64_t low, std::int64_t 
 std::size_t parseIndex(const std::string& text, std::size_t count, const std::string& what) {
   const double index = parseNumber(text, what);
   if (!(index >= 0 && index < static_cast<double>(count) && index == std::floor(index))) {
-    refuseValue(what, text, "a number below " + std::to_string(count));
+    refuseValue(what, text,
+                count == 0 ? "none: there is nothing to choose from" : "a number below " + std::to_string(count));
   }
   return static_cast<std::size_t>(index);
 }

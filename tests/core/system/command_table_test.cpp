@@ -50,8 +50,16 @@ TEST_CASE("an option's row knows its value, its choices, its range and its defau
   CHECK(titleOf(row("--serve")) == "    --serve [ADDRESS:]PORT");
   CHECK(titleOf(row("--size")) == "    --size SIZE");
   CHECK(meaningOf(row("--size")) == "how large");
-  for (const auto& [text, expected] : std::initializer_list<std::pair<std::string, std::uint64_t>>{
-           {"1500", 1500}, {"900KB", 900'000}, {"1.5 mb", 1'500'000}, {"2GB", 2'000'000'000}, {"7B", 7}}) {
+  for (const auto& [text, expected] :
+       std::initializer_list<std::pair<std::string, std::uint64_t>>{{"1500", 1500},
+                                                                    {"900KB", 900'000},
+                                                                    {"1.5 mb", 1'500'000},
+                                                                    {"2GB", 2'000'000'000},
+                                                                    {"7B", 7},
+                                                                    {"1.5MiB", 1'572'864},
+                                                                    {"2kib", 2048},
+                                                                    {"3TB", 3'000'000'000'000},
+                                                                    {"1GiB", 1'073'741'824}}) {
     app.parse("--size '" + text + "' files");
     CHECK(bytes == expected);
   }

@@ -41,6 +41,12 @@ TEST_CASE("what is counted is whole, and nothing of it is cut off") {
   }
 }
 
+TEST_CASE("a number in a list is below its length and of an empty list there is none") {
+  CHECK(parseIndex("1", 2, "pick") == 1);
+  CHECK_THROWS_WITH(parseIndex("2", 2, "pick"), "pick: expected a number below 2, found \"2\"");
+  CHECK_THROWS_WITH(parseIndex("0", 0, "pick"), "pick: expected none: there is nothing to choose from, found \"0\"");
+}
+
 TEST_CASE("a camera's number must exist") {
   const std::vector<Camera> cameras(3, lookAt({0, 0, -2}, {0, 0, 0}, {0, -1, 0}, 0.8, 64, 48));
   CHECK(cameraOf("2", cameras, "--camera").size.x == 64);
