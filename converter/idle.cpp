@@ -46,6 +46,14 @@ bool suits(const std::filesystem::path& input, bool (*suited)(const Format& form
 
 }  // namespace
 
+std::vector<std::string> basedNames() {
+  std::vector<std::string> names;
+  for (const Format& format : formats()) {
+    if (format.has_base) names.push_back(extensionOf(format));
+  }
+  return names;
+}
+
 void refuseIdle(const std::set<std::string>& given, const Format* output,
                 const std::function<std::vector<std::filesystem::path>()>& inputs, const ConvertOptions& options) {
   if (given.contains("--for-aim") && !given.contains("--for")) refuseIdleOption("--for-aim", "--for");
@@ -78,9 +86,8 @@ void refuseIdle(const std::set<std::string>& given, const Format* output,
   if (given.contains("--spz-axes") && !reads([](const Format& format) { return format.name == "spz"; })) {
     refuseIdleOption("--spz-axes", "an .spz that is read");
   }
-  const auto based = [](const Format& format) { return format.has_base || format.is_gltf; };
-  if (given.contains("--base-only") && !reads(based)) {
-    refuseIdleOption("--base-only", "a .glb, .gltf, .html, .sog or tileset.json that is read");
+  if (given.contains("--base-only") && !reads([](const Format& format) { return format.has_base; })) {
+    refuseIdleOption("--base-only", "a " + listed(basedNames()) + " that is read");
   }
 }
 

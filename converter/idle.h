@@ -11,6 +11,9 @@
 
 namespace tg {
 
+// How the names of those files end that --base-only reads otherwise (Format::has_base).
+std::vector<std::string> basedNames();
+
 // Throws Error(usage) for the first option that does nothing, by tgconvert's flag. `given`: the flags. `output`: null
 // where nothing is written, or in no known format. `inputs`: the files that are read; asked for where it counts. What
 // options.edits merges is read besides.

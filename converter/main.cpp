@@ -302,8 +302,9 @@ void addSizes(CLI::App& app, Arguments& arguments) {
              "glb: smaller and coarser")
           ->check(tg::within(tg::kLeastSteps, tg::kMostSteps));
   CLI::Option* target_size =
-      tg::addBytes(app, "--target-size", arguments.options.target.bytes,
-                   "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB (of 1,000 bytes), 1.5MB")
+      tg::addBytes(
+          app, "--target-size", arguments.options.target.bytes,
+          "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB (of 1,000 bytes), 1.5MB")
           ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target.psnr,
                  "sog, glb, gltf, html: the coarsest steps with which pictures are so near to the source's [dB]")
@@ -349,7 +350,8 @@ void addConversion(CLI::App& app, Arguments& arguments) {
   app.add_flag("--dry-run", arguments.options.dry_run, "say how large OUT would be and write nothing");
   app.add_option("--to", arguments.to, "when IN is a folder: OUT becomes a folder of files of this format")
       ->check(tg::oneOf(tg::outputNames(true)));
-  app.add_flag("--base-only", arguments.options.base_only, "glb, sog: leave the texture layer aside");
+  app.add_flag("--base-only", arguments.options.base_only,
+               "leave the textures aside, as readers do that know none, of " + tg::listed(tg::basedNames()));
   app.add_option_function<std::string>(
          "--for",
          [&](const std::string& text) { arguments.options.viewer = tg::parse<tg::SplatViewer>(text, "--for"); },

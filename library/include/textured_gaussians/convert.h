@@ -30,7 +30,7 @@ struct ConvertOptions {
   std::optional<float> texture_step = {};    // sog, glb, gltf, html: between a texture's colours, 1/1024 to 1/2
   bool cameras = true;                       // false, --no-cameras: without cameras and named views
   std::vector<Camera> views = {};            // glb, gltf, html: named views in place of the source's
-  bool base_only = false;                    // of a glb, gltf, html, sog or tileset that is read: without its textures
+  bool base_only = false;                    // a glb, gltf, html, sog, lod-meta or tileset is read without its textures
   bool lean = false;                         // glb, gltf: without the numbers that only bring a .ply back bit by bit
   std::optional<std::string> atlas = {};     // glb, gltf, html, png: texels as png8 (without one), png16, exr or webp
   std::optional<int> spz_version = {};       // spz: 3 or 4
