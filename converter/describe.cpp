@@ -238,7 +238,10 @@ std::string describe(const Bundle& loaded, bool statistics) {
   }
   text += format("cameras: %zu\n", loaded.cameras.size());
   if (!loaded.views.empty()) text += format("named views: %zu\n", loaded.views.size());
-  text += format("background: (%g, %g, %g)\n", loaded.background.x, loaded.background.y, loaded.background.z);
+  const glm::vec3 background = loaded.background;
+  text += "background: " +
+          (loaded.knows_background ? format("(%g, %g, %g)", background.x, background.y, background.z) : "not known") +
+          "\n";
   text += "axes: " + axesOf(loaded.format, loaded.axes).words + " in the file; bounds in " +
           std::string(kModelAxes.words) + "\n";
   if (!statistics) return text;
@@ -268,7 +271,7 @@ std::string describeJson(const Bundle& loaded, bool statistics) {
   if (model.size() > 0) json["bounds"] = {{"low", triple(facts.low)}, {"high", triple(facts.high)}};
   json["cameras"] = loaded.cameras.size();
   json["views"] = loaded.views.size();
-  json["background"] = triple(loaded.background);
+  json["background"] = loaded.knows_background ? triple(loaded.background) : Json();
   json["axes"] = axesOf(loaded.format, loaded.axes).words;
   if (statistics) {
     Json list = Json::array();

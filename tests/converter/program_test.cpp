@@ -223,6 +223,18 @@ TEST_CASE("a model without Gaussians has no bounds") {
   CHECK_FALSE(nlohmann::json::parse(tgconvert(scratch, "empty.tgz --info --json").out).contains("bounds"));
 }
 
+TEST_CASE("a background that a file does not say is not known, and no black one") {
+  const Scratch scratch;
+  writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 49));
+  CHECK_THAT(tgconvert(scratch, "in.ply --info").out, Contains("\nbackground: not known\n"));
+  CHECK(nlohmann::json::parse(tgconvert(scratch, "in.ply --info --json").out)["background"].is_null());
+  Bundle white;
+  white.background = glm::vec3(1);
+  writeBundle(scratch.folder() / "white.tgz", white);
+  CHECK_THAT(tgconvert(scratch, "white.tgz --info").out, Contains("\nbackground: (1, 1, 1)\n"));
+  CHECK(nlohmann::json::parse(tgconvert(scratch, "white.tgz --info --json").out)["background"].size() == 3);
+}
+
 TEST_CASE("a slip in an expression is told what it may have meant") {
   const Scratch scratch;
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 49));
