@@ -211,6 +211,14 @@ void TrainingOutputs::say(const TrainReport& report) const {
     const std::string facts = written_.empty() ? "(" + std::to_string(fs::file_size(name)) + " bytes)" : written_;
     std::printf("%s%s %s\n", report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(), facts.c_str());
   }
+  // What leaves the file smaller than was asked: fewer than it has room for.
+  const bool grows = settings_.iterations > 0 && settings_.densification != Densification::none;
+  const std::size_t grown = report.plain.gaussians;
+  constexpr double kFull = 0.98;  // of the size
+  if (options_.target_bytes > 0 && !report.interrupted && grows && grown > 0 && grown < settings_.gaussians &&
+      static_cast<double>(fs::file_size(name)) < kFull * static_cast<double>(options_.target_bytes)) {
+    std::printf("%zu of %zu planned Gaussians grew: more iterations fill the file\n", grown, settings_.gaussians);
+  }
   if (untextured_) std::printf("wrote %s, without textures\n", options_.untextured_output.c_str());
   if (run_ && report.interrupted) {
     std::printf("%s goes on from %s\n", sameCommand().c_str(), run_->checkpoint().c_str());

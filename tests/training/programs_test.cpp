@@ -189,6 +189,12 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   REQUIRE(run(folder, "'" TG_TGTRAIN "' --print-config --preset quick > quick.toml").code == 0);
   CHECK_THAT(tgtrain(folder, quick + "a.sog").output, Contains("SH degree 1, 309 Gaussians\n"));
   CHECK_THAT(tgtrain(folder, quick + "a.sog --config quick.toml").output, Contains("SH degree 1, 309 Gaussians\n"));
+  // Too short to grow them, and without growth.
+  const std::string short_run = "scene --overwrite --iterations 20 --texture-mode none --target-size 60KB -o a.sog ";
+  CHECK_THAT(tgtrain(folder, short_run).output,
+             Contains("\n199 of 5088 planned Gaussians grew: more iterations fill the file\n"));
+  CHECK_THAT(tgtrain(folder, short_run + "-q").output, !Contains("grew"));
+  CHECK_THAT(tgtrain(folder, short_run + "--densification none").output, !Contains("grew"));
   // More grow where the photographs have pixels for them, 32 a Gaussian.
   REQUIRE(tgtrain(folder, "make-sample wide --size 64 --views 4 --test-views 1 --points 200 --supersampling 1").code ==
           0);
