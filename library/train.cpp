@@ -55,7 +55,7 @@ tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Mo
   }
   tg::checkSettings(settings);
   if (settings.quantize_iterations > 0) {
-    throw tg::Error(tg::ErrorKind::usage, "quantize-iterations", "is for a file that tgtrain writes (expected 0)");
+    throw tg::Error(tg::ErrorKind::usage, "--quantize-iterations", "is for a file that tgtrain writes (expected 0)");
   }
   return settings;
 }
