@@ -86,9 +86,6 @@ HWY_INLINE V3 cross(V3 a, V3 b) {
           hn::MulSub(a.x, b.y, hn::Mul(a.y, b.x))};
 }
 HWY_INLINE V length(V3 a) { return hn::Sqrt(dot(a, a)); }
-HWY_INLINE V3 select(M mask, V3 yes, V3 no) {
-  return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
-}
 
 // What double precision is for: where a mean lies in camera space and on the screen.
 struct Position {
