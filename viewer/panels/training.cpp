@@ -41,7 +41,7 @@ void plot(const char* id, const char* title, const char* number, const Lines& li
   ImGui::InvisibleButton(id, size);
   ImDrawList* draw = ImGui::GetWindowDrawList();
   draw->AddRectFilled(corner, {corner.x + size.x, corner.y + size.y}, ImGui::GetColorU32(ImGuiCol_FrameBg), 3);
-  const auto point = [&, low = low, high = high](std::size_t i, double value) {
+  const auto point = [&](std::size_t i, double value) {
     const double share = (std::clamp(value, low, high) - low) / (high - low);
     return ImVec2(corner.x + kDot + static_cast<float>(at[i] / last) * (size.x - 2 * kDot),
                   corner.y + (1 - static_cast<float>(share)) * size.y);

@@ -86,7 +86,7 @@ double angleAbout(const Gizmo& gizmo, glm::dvec3 axis, const Camera& camera, glm
   const glm::dvec3 eye = camera.position(), toward = glm::normalize(gizmo.origin - eye);
   const auto [u, v] = across(axis);
   if (std::abs(glm::dot(toward, axis)) > kEdgeOn) {
-    const auto angle = [&, &u = u, &v = v](glm::dvec2 at) -> std::optional<double> {
+    const auto angle = [&](glm::dvec2 at) -> std::optional<double> {
       const glm::dvec3 d = worldRay(camera, at);
       const double slope = glm::dot(d, axis);
       const double t = glm::dot(gizmo.origin - eye, axis) / slope;

@@ -300,7 +300,7 @@ TEST_CASE("elements of any top-level array by the ten thousand are read and chec
   };
   for (const auto& [key, element] : others) {
     CAPTURE(key);
-    const auto add = [&, &key = key, &element = element](json& g, int i) {
+    const auto add = [&](json& g, int i) {
       json added = element;
       if (added.is_string()) added = "X_" + std::to_string(i);
       g[key].push_back(std::move(added));

@@ -112,7 +112,7 @@ TEST_CASE("CUDA's loss and its gradient are the CPU's, with masks and at every b
         difference = std::max(difference, glm::length(v_picture[i] - found.v_picture[i]));
       }
       CHECK(difference <= 1e-4f * largest);
-      test::inOtherOrders([&, &p = p] {
+      test::inOtherOrders([&] {
         const DeviceLoss again = lossCuda(p, counted);
         CHECK(std::memcmp(again.sums, found.sums, sizeof(found.sums)) == 0);
         CHECK(again.v_picture == found.v_picture);
