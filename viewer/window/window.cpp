@@ -5,7 +5,6 @@
 #include <imgui.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -77,15 +76,11 @@ bool heardInput(const Events& events) {
 class Viewer {
  public:
   Viewer(const ViewOptions& options, const WindowAdditions& additions);
-  ~Viewer() { awake_ = false; }
   Viewer& operator=(Viewer&&) = delete;
   // Returns the signal that ended it, 0: none.
   int run();
 
  private:
-  void wake() const {
-    if (awake_) glfwPostEmptyEvent();
-  }
   void waitForEvents();
   PixelRect pictureArea() const;
   void followAspect();
@@ -135,11 +130,10 @@ class Viewer {
   const WindowAdditions additions_;
   std::optional<Script> script_;
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
-  std::atomic<bool> awake_{false};  // GLFW may be called from other threads
   WindowSession session_;
+  Glfw glfw_;  // outlives every thread that wakes the window
   OpenModels documents_;
   ComparisonControl comparison_;
-  Glfw glfw_;
   StopSignals signals_{glfwPostEmptyEvent};
   Events events_;
   std::unique_ptr<Graphics> graphics_;
@@ -174,14 +168,13 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       script_(options.script.empty() ? std::nullopt : std::optional(readScript(options.script, additions.verbs))),
       session_(options),
       documents_(
-          options, [this] { wake(); },
+          options, glfwPostEmptyEvent,
           [this](ViewerState& state, Scene scene) { session_.adopt(state, std::move(scene)); }, additions.read,
           additions.wrap_levels),
-      comparison_(options, [this] { wake(); }),
+      comparison_(options, glfwPostEmptyEvent),
       graphics_(std::make_unique<Graphics>(session_.windowSize(), events_, options, additions.wrap_screen)),
-      desktop_(options, [this] { wake(); }),
+      desktop_(options, glfwPostEmptyEvent),
       runs_(options, started_, script_.has_value()) {
-  awake_ = true;
   session_.start(state_);
   if (!comparison_.withoutPhotographs().empty()) state_.messages.error = comparison_.withoutPhotographs();
   if (script_) script_->error = state_.messages.error;

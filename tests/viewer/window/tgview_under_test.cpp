@@ -7,9 +7,12 @@
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
 //   hold-finest on/off    files of the finest level of a scene wait while it is on, at most 60 s
 //   await-scene           until a scene with levels of detail is shown
+#include <GLFW/glfw3.h>
+
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -28,6 +31,8 @@ using namespace tg;
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+constexpr int kWithoutGlfw = 71;  // exit code: a file was being read when GLFW had ended
 
 // Each is met once.
 std::atomic<bool> lose_device{false}, lose_window{false};
@@ -70,6 +75,8 @@ void dawdle() {
 Bundle readSlowly(const std::filesystem::path& path, const ReadOptions& options) {
   const auto end = Clock::now() + std::chrono::duration<double>(slow_file.exchange(0));
   while (!options.progress->cancel && Clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  // What is read wakes the window, by GLFW: its clock tells 0 once it has ended.
+  if (glfwGetTime() == 0) std::_Exit(kWithoutGlfw);
   return readModel(path, options);
 }
 
