@@ -28,23 +28,32 @@ class BoundedPool : public httplib::TaskQueue {
   using Enqueued = decltype(std::declval<httplib::TaskQueue&>().enqueue({}));  // void in Debian 12's version
 
  public:
+  // Throws std::system_error where there are no threads.
   BoundedPool() : tasks_(kServedAtOnce) {
-    for (int i = 0; i < kServedAtOnce; ++i) {
-      threads_.emplace_back([this] {
-        while (const auto task = tasks_.take()) (*task)();
-      });
+    try {
+      for (int i = 0; i < kServedAtOnce; ++i) {
+        threads_.emplace_back([this] {
+          while (const auto task = tasks_.take()) (*task)();
+        });
+      }
+    } catch (...) {
+      end();
+      throw;
     }
   }
+  ~BoundedPool() override { end(); }
   Enqueued enqueue(std::function<void()> task) override {
     tasks_.give(std::move(task));
     return static_cast<Enqueued>(true);
   }
-  void shutdown() override {
+  void shutdown() override { end(); }
+
+ private:
+  void end() {
     tasks_.close();
     threads_.clear();
   }
 
- private:
   Queue<std::function<void()>> tasks_;
   std::vector<std::jthread> threads_;
 };
@@ -66,7 +75,7 @@ HttpAnswer answerTo(const httplib::Request& request, const HttpServer::Answer& a
 class HttpServer::Server : public httplib::Server {
  public:
   Server(const std::string& host, int port, Answer answer) : answer_(std::move(answer)) {
-    new_task_queue = [] { return new BoundedPool; };
+    new_task_queue = [this] { return pool_.release(); };
     // The library's own options let two programs share a port.
     set_socket_options([](socket_t socket) {
       const int yes = 1;
@@ -146,6 +155,7 @@ class HttpServer::Server : public httplib::Server {
 
   const Answer answer_;
   std::atomic<bool> stopping_{false}, ended_{false};
+  std::unique_ptr<BoundedPool> pool_ = std::make_unique<BoundedPool>();  // until the library takes it, in thread_
   int port_ = -1;
   std::jthread thread_;
 };
