@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// A value off its default for every setting of a training, and runs of a few steps that have to show it.
+// A value off its default for every setting of a training, all of one that is an enumeration, and runs of a few steps
+// that have to show them.
 #pragma once
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <ranges>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,7 +22,7 @@ struct OffDefault {
   std::vector<std::pair<std::string, std::string>> beside = {};  // other settings without which it does nothing
 };
 
-inline const std::map<std::string, OffDefault, std::less<>> kOffDefaults = {
+inline const std::multimap<std::string, OffDefault, std::less<>> kOffDefaults = {
     {"iterations", {"13"}},
     {"texture-iterations", {"9"}},
     {"quantize-iterations", {"5"}},
@@ -30,11 +33,14 @@ inline const std::map<std::string, OffDefault, std::less<>> kOffDefaults = {
     {"percent", {"50"}},
     {"default-gaussians", {"50", {{"percent", "50"}}}},
     {"limit-by", {"room", {{"gaussians", "40"}}}},
+    {"limit-by", {"swap", {{"gaussians", "40"}}}},
     {"sh-degree", {"1"}},
     {"intersection", {"plane"}},
     {"filter-3d", {"on"}},
-    {"densification", {"none"}},
+    {"densification", {"none", {{"gaussians", "150"}}}},
+    {"densification", {"mcmc", {{"gaussians", "150"}}}},
     {"densify-score", {"magnitudes"}},
+    {"densify-score", {"magnitudes-only"}},
     {"densify-threshold", {"1e-6"}},
     {"prune-opacity", {"0.09"}},
     {"prune-radius", {"3", {{"reset-every", "3"}}}},
@@ -49,6 +55,8 @@ inline const std::map<std::string, OffDefault, std::less<>> kOffDefaults = {
     {"mcmc-opacity-weight", {"1", {{"densification", "mcmc"}, {"gaussians", "150"}}}},
     {"mcmc-scale-weight", {"1", {{"densification", "mcmc"}, {"gaussians", "150"}}}},
     {"texture-mode", {"rgb"}},
+    {"texture-mode", {"alpha"}},
+    {"texture-mode", {"none"}},
     {"texture-size", {"2"}},
     {"pixels-per-texel", {"8"}},
     {"texel-budget", {"300"}},
@@ -57,6 +65,7 @@ inline const std::map<std::string, OffDefault, std::less<>> kOffDefaults = {
     {"texture-dictionary", {"4"}},
     {"texture-init", {"paper"}},
     {"texture-intersection", {"plane"}},
+    {"texture-intersection", {"maxResponse", {{"intersection", "plane"}}}},
     {"texture-outside", {"clip"}},
     {"texture-gradient-geometry", {"off"}},
     {"texture-gradient-suffix", {"off"}},
@@ -80,10 +89,11 @@ inline const std::map<std::string, OffDefault, std::less<>> kOffDefaults = {
 struct SettingRuns {
   TrainSettings usual, changed;
 };
-inline SettingRuns runsOf(const SettingEntry& entry) {
-  INFO(entry.name);
-  const auto found = kOffDefaults.find(entry.name);
-  REQUIRE(found != kOffDefaults.end());  // a new setting: add a value above that a few steps show
+// One pair for each line of kOffDefaults.
+inline std::vector<SettingRuns> runsOf(const SettingEntry& entry) {
+  INFO("add a value of --" << entry.name << " that a few steps show to kOffDefaults in tests/training/every_setting.h");
+  const auto [first, last] = kOffDefaults.equal_range(entry.name);
+  REQUIRE(first != last);
   TrainSettings usual;
   usual.iterations = 12;
   usual.texture_iterations = 8;
@@ -93,12 +103,16 @@ inline SettingRuns runsOf(const SettingEntry& entry) {
   usual.sh_every = 3;
   usual.reset_every = 0;
   usual.pixels_per_texel = 0;
-  for (const auto& [name, value] : found->second.beside) {
-    std::ranges::find(settingEntries(), name, &SettingEntry::name)->set(usual, value);
+  std::vector<SettingRuns> runs;
+  for (const auto& [setting, off] : std::ranges::subrange(first, last)) {
+    runs.push_back({usual, usual});
+    for (const auto& [name, value] : off.beside) {
+      std::ranges::find(settingEntries(), name, &SettingEntry::name)->set(runs.back().usual, value);
+    }
+    runs.back().changed = runs.back().usual;
+    entry.set(runs.back().changed, off.value);
   }
-  TrainSettings changed = usual;
-  entry.set(changed, found->second.value);
-  return {usual, changed};
+  return runs;
 }
 
 inline Dataset tinyDataset(int size = 24, int points = 60) {
@@ -125,10 +139,18 @@ class SettingEffects {
  public:
   using MakeRenderer = std::unique_ptr<DifferentiableRenderer> (*)();
   SettingEffects(const Dataset& dataset, MakeRenderer make) : dataset_(dataset), make_(make) {}
-  bool changesModel(const SettingRuns& runs) {
-    auto usual = std::ranges::find(usual_, runs.usual, &Trained::first);  // most have the same
-    if (usual == usual_.end()) usual = usual_.insert(usual, {runs.usual, trained(runs.usual)});
-    return !sameModels(trained(runs.changed), usual->second);
+  // All of them train different models, as well.
+  bool changesModel(std::span<const SettingRuns> runs) {
+    std::vector<TrainResult> changed;
+    for (const SettingRuns& each : runs) {
+      auto usual = std::ranges::find(usual_, each.usual, &Trained::first);  // most have the same
+      if (usual == usual_.end()) usual = usual_.insert(usual, {each.usual, trained(each.usual)});
+      changed.push_back(trained(each.changed));
+      if (sameModels(changed.back(), usual->second)) return false;
+      const auto same = [&](const TrainResult& other) { return sameModels(other, changed.back()); };
+      if (std::any_of(changed.begin(), changed.end() - 1, same)) return false;
+    }
+    return true;
   }
 
  private:

@@ -198,7 +198,15 @@ std::size_t Trainer::limitNow() const {
 }
 
 bool Trainer::swaps() const {
-  return limit() > 0 && settings_.densification == Densification::adc && settings_.limit_by != LimitBy::room;
+  if (limit() == 0 || settings_.densification != Densification::adc) return false;
+  switch (settings_.limit_by) {
+    case LimitBy::room:
+      return false;
+    case LimitBy::swap:
+    case LimitBy::merge:
+      return true;
+  }
+  return false;
 }
 
 bool Trainer::merges() const { return limit() > 0 && schedule_.merge_after > 0; }
@@ -629,14 +637,25 @@ StageReport Trainer::stageReport() const {
   return report;
 }
 
-bool Trainer::end(const std::atomic<bool>* stop) {
-  if (state_.stage == Stage::plain && (swaps() || picks())) {
-    if (swaps() && settings_.limit_by == LimitBy::merge) {
-      mergePairs();
-    } else {
-      keepMostSeen(limit());
-    }
+void Trainer::keepToLimit() {
+  if (!swaps()) {
+    if (picks()) keepMostSeen(limit());
+    return;
   }
+  switch (settings_.limit_by) {
+    case LimitBy::room:
+      return;
+    case LimitBy::swap:
+      keepMostSeen(limit());
+      return;
+    case LimitBy::merge:
+      mergePairs();
+      return;
+  }
+}
+
+bool Trainer::end(const std::atomic<bool>* stop) {
+  if (state_.stage == Stage::plain) keepToLimit();
   StageReport report = stageReport();
   if (state_.stage != Stage::count && !dataset_.indices(true).empty()) {
     report.test = testScore(stop);

@@ -115,6 +115,7 @@ class Trainer {
   bool swaps() const;
   bool merges() const;
   void mergePairs();
+  void keepToLimit();  // at the end of stage 1
   bool picks() const;
   bool resetsOpacity(int iteration) const;
   bool opacitiesSettled(int iteration) const;

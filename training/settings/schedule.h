@@ -62,8 +62,15 @@ inline Schedule makeSchedule(const TrainSettings& settings) {
   // Some time after the last round, for what it has brought to settle, and before the end, for what is merged. Where
   // rounds go on to the end a limit swaps.
   const int until = schedule.densify_until, after = iterations - until;
-  if (adc && settings.limit_by == LimitBy::merge && until > 0 && after > 0) {
-    schedule.merge_after = until + std::min(until / 5, after / 2);
+  if (adc && until > 0 && after > 0) {
+    switch (settings.limit_by) {
+      case LimitBy::room:
+      case LimitBy::swap:
+        break;
+      case LimitBy::merge:
+        schedule.merge_after = until + std::min(until / 5, after / 2);
+        break;
+    }
   }
   return schedule;
 }

@@ -170,20 +170,21 @@ TEST_CASE("two ranks train the bytes of one with any setting off its default") {
   const tg::Dataset dataset = tg::test::tinyDataset();
   for (const tg::SettingEntry& entry : tg::settingEntries()) {
     if (entry.name == "texture-dictionary") continue;  // refused: not under mpirun
-    INFO(entry.name);
-    const tg::TrainSettings settings = tg::test::runsOf(entry).changed;
-    const tg::TrainResult alone = tg::test::trainOn(dataset, settings, *tg::makeCpuDifferentiableRenderer());
-    ThreadRanks shared(2);
-    atRanks(shared, [&](tg::Channel& channel) {
-      if (channel.rank() > 0) {
-        tg::serveRank(channel, dataset);
-        return;
-      }
-      const auto renderer = tg::makeShardedRenderer(channel, dataset);
-      const bool same = tg::test::sameModels(tg::test::trainOn(dataset, settings, *renderer), alone);
-      tg::endRanks(channel, 0);
-      CHECK(same);
-    });
+    for (const auto& [usual, settings] : tg::test::runsOf(entry)) {
+      INFO(entry.name << " " << entry.get(settings));
+      const tg::TrainResult alone = tg::test::trainOn(dataset, settings, *tg::makeCpuDifferentiableRenderer());
+      ThreadRanks shared(2);
+      atRanks(shared, [&, &settings = settings](tg::Channel& channel) {
+        if (channel.rank() > 0) {
+          tg::serveRank(channel, dataset);
+          return;
+        }
+        const auto renderer = tg::makeShardedRenderer(channel, dataset);
+        const bool same = tg::test::sameModels(tg::test::trainOn(dataset, settings, *renderer), alone);
+        tg::endRanks(channel, 0);
+        CHECK(same);
+      });
+    }
   }
 }
 
