@@ -144,6 +144,7 @@ Trainer::Trainer(const Dataset& dataset, const TrainSettings& settings, Differen
     : dataset_(dataset),
       settings_((checkSettings(settings), settings)),
       schedule_(makeSchedule(settings)),
+      traits_(traitsOf(settings.densification)),
       extent_(sceneExtent(dataset, settings.extent_distances)),
       seen_views_(viewsForAll(dataset.points.position, trainingViews(dataset), kSeenViews)),
       filter_cameras_(filterCameras(dataset)),
@@ -198,7 +199,7 @@ std::size_t Trainer::limitNow() const {
 }
 
 bool Trainer::swaps() const {
-  if (limit() == 0 || settings_.densification != Densification::adc) return false;
+  if (limit() == 0 || !traits_.heeds_limit_by) return false;
   switch (settings_.limit_by) {
     case LimitBy::room:
       return false;
@@ -213,7 +214,7 @@ bool Trainer::merges() const { return limit() > 0 && schedule_.merge_after > 0; 
 
 // Most random points are nowhere near a surface: under a limit the first round finds out which are.
 bool Trainer::picks() const {
-  return limit() > 0 && (swaps() || settings_.densification == Densification::mcmc) &&
+  return limit() > 0 && (swaps() || traits_.needs_limit) &&
          (settings_.start == Start::random || dataset_.points.position.empty());
 }
 
@@ -235,7 +236,7 @@ GaussianModel Trainer::firstGaussians() const {
     model = gaussiansFromPoints(randomPoints(dataset_, count, random.bits()));
   }
   model.intersection = settings_.intersection;
-  if (settings_.densification == Densification::mcmc) {
+  if (traits_.explores) {
     // Kheradmand et al., implementation: half opaque and small, so that noise can explore.
     std::fill(model.opacity_logit.begin(), model.opacity_logit.end(), 0.0f);
     for (glm::vec3& log_scale : model.log_scale) log_scale += std::log(0.1f);
@@ -430,7 +431,7 @@ RunPlan Trainer::plan() const {
     plan.merged = limit();
   }
   plan.swaps = plan.densifies && swaps();
-  if (settings_.densification == Densification::mcmc) plan.growth = mcmcGrowth();
+  if (traits_.grows_by_share) plan.growth = mcmcGrowth();
   plan.textured = engine_->texels(state_) > 0;
   plan.texels = texelsEach();
   if (state_.stage == Stage::count) {
@@ -474,7 +475,6 @@ void Trainer::iterate() {
   findTextureGroups();
   const int iteration = ++state_.iteration;
   const bool first_stage = state_.stage == Stage::count || state_.stage == Stage::plain;
-  const bool adc = settings_.densification == Densification::adc;
   const std::size_t view = state_.order.next();
   glm::vec3 background = dataset_.background;
   if (dataset_.random_background) {
@@ -487,7 +487,6 @@ void Trainer::iterate() {
     photograph = dataset_.composited(view, background);
     if (following) dataset_.prefetch(*following);
   }
-  const bool mcmc = first_stage && settings_.densification == Densification::mcmc;
   LearningRates rates;
   const bool own = !first_stage && settings_.rate_position_texture >= 0;
   rates.mean =
@@ -519,9 +518,9 @@ void Trainer::iterate() {
       .background_varies = dataset_.random_background,
       .iteration = iteration,
       .gradient = {},
-      .gather_statistics = first_stage && adc && iteration < schedule_.densify_until,
+      .gather_statistics = first_stage && traits_.gathers_statistics && iteration < schedule_.densify_until,
       .rates = rates,
-      .mcmc = mcmc,
+      .mcmc = first_stage && traits_.explores,
       .opacity_weight = settings_.mcmc_opacity_weight,
       .scale_weight = settings_.mcmc_scale_weight,
       .noise = static_cast<float>(settings_.mcmc_noise * extent_ *
@@ -540,11 +539,11 @@ void Trainer::iterate() {
   takeLosses(left == 0);
 }
 
-void Trainer::densifyAndSchedule(int iteration) {
-  const bool adc = settings_.densification == Densification::adc;
-  if (schedule_.densifies(iteration)) {
-    takeLosses(true);
-    if (adc) {
+void Trainer::densify(int iteration) {
+  switch (settings_.densification) {
+    case Densification::none:
+      return;
+    case Densification::adc: {
       DensifySettings densify_settings;
       densify_settings.extent = extent_;
       densify_settings.score_threshold = settings_.densify_threshold;
@@ -558,14 +557,24 @@ void Trainer::densifyAndSchedule(int iteration) {
       }
       if (settings_.wide_sigma > 0) splitWideOnes();
       engine_->densify(state_, densify_settings);
-    } else {
+      return;
+    }
+    case Densification::mcmc: {
       if (limit() > 0) keepMostSeen(limit());
       McmcSettings mcmc_settings;
       mcmc_settings.max_gaussians = limit();
       mcmc_settings.dead_opacity = settings_.prune_opacity;
       mcmc_settings.growth = mcmcGrowth();
       engine_->relocateAndGrow(state_, mcmc_settings);
+      return;
     }
+  }
+}
+
+void Trainer::densifyAndSchedule(int iteration) {
+  if (schedule_.densifies(iteration)) {
+    takeLosses(true);
+    densify(iteration);
     if (engine_->gaussians(state_) == 0) {
       throw Error(ErrorKind::badData, "no Gaussian is left after densification at iteration " +
                                           std::to_string(iteration) + ": do the cameras see the initial points?");

@@ -97,6 +97,7 @@ class Trainer {
   bool end(const std::atomic<bool>* stop);
   void iterate();
   void densifyAndSchedule(int iteration);
+  void densify(int iteration);
   // A state's model as model() gives it back.
   GaussianModel asDrawn(GaussianModel model) const;
   // Adds the losses that are known, or waits for all.
@@ -144,6 +145,7 @@ class Trainer {
   const Dataset& dataset_;
   const TrainSettings settings_;
   const Schedule schedule_;
+  const DensificationTraits traits_;
   const double extent_;
   const std::size_t seen_views_;  // that say what a Gaussian is worth
   const std::vector<Pinhole> filter_cameras_;

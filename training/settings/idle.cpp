@@ -2,6 +2,7 @@
 // The rules by which a setting counts for nothing.
 #include "training/settings/idle.h"
 
+#include <algorithm>
 #include <string_view>
 
 namespace tg {
@@ -16,11 +17,19 @@ void addIdle(std::vector<std::string>& lines, const ChosenSetting& chosen, const
   if (!flags.empty()) lines.push_back(flags + ": does nothing with " + why);
 }
 
+// As its help says: "adc: what ...".
+bool isOf(const SettingEntry& entry, Densification densification) {
+  return entry.help.starts_with(std::string(name(densification)) + ": ");
+}
+
+bool isOfOneDensification(const SettingEntry& entry) {
+  return std::ranges::any_of(valuesOf<Densification>(), [&](Densification each) { return isOf(entry, each); });
+}
+
 }  // namespace
 
 std::vector<std::string> idleSettings(const TrainSettings& settings, const ChosenSetting& chosen, bool start_model,
                                       bool by_size) {
-  const bool by_adc = settings.densification == Densification::adc;
   const bool textured = settings.texture_mode != TextureMode::none && settings.texture_iterations > 0;
   std::vector<std::string> lines;
   const auto warn = [&](const std::string& why, const auto& idle) { addIdle(lines, chosen, why, idle); };
@@ -53,23 +62,18 @@ std::vector<std::string> idleSettings(const TrainSettings& settings, const Chose
     warn("a limit that is no share (--percent)",
          [](const SettingEntry& entry) { return entry.name == "default-gaussians"; });
   }
-  if (by_adc && settings.percent == 0 && settings.gaussians == 0 && !by_size) {
+  if (traitsOf(settings.densification).heeds_limit_by && settings.percent == 0 && settings.gaussians == 0 && !by_size) {
     warn("no limit (--gaussians, --percent or --target-size)",
          [](const SettingEntry& entry) { return entry.name == "limit-by"; });
   }
   if (settings.densification == Densification::none) {
-    warn("--densification none", [](const SettingEntry& entry) {
-      return entry.name.starts_with("densify-") && !entry.help.starts_with("adc: ");
-    });
+    warn("--densification none",
+         [](const SettingEntry& entry) { return entry.name.starts_with("densify-") && !isOfOneDensification(entry); });
   }
-  if (!by_adc) {
-    const std::string densification(name(settings.densification));
-    warn("--densification " + densification, [](const SettingEntry& entry) { return entry.help.starts_with("adc: "); });
-  }
-  if (settings.densification != Densification::mcmc) {
-    const std::string densification(name(settings.densification));
-    warn("--densification " + densification,
-         [](const SettingEntry& entry) { return entry.help.starts_with("mcmc: "); });
+  for (const Densification other : valuesOf<Densification>()) {
+    if (other == settings.densification) continue;
+    warn("--densification " + std::string(name(settings.densification)),
+         [&](const SettingEntry& entry) { return isOf(entry, other); });
   }
   return lines;
 }

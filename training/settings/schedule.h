@@ -54,15 +54,24 @@ inline Schedule makeSchedule(const TrainSettings& settings) {
   schedule.sh_every = pick(settings.sh_every, std::clamp(iterations / 4, 1, 1000));
   schedule.densify_every = settings.densify_every;
   schedule.densify_from = pick(settings.densify_from, std::min(500, iterations / 8));
-  const bool adc = settings.densification == Densification::adc;
-  schedule.densify_until = pick(settings.densify_until, adc ? iterations / 2 : iterations - iterations / 6);
-  if (settings.densification == Densification::none) schedule.densify_until = 0;
-  schedule.reset_every = adc ? pick(settings.reset_every, iterations >= 6000 ? 3000 : 0) : 0;
+  switch (settings.densification) {
+    case Densification::none:
+      schedule.densify_until = 0;
+      break;
+    case Densification::adc:
+      schedule.densify_until = pick(settings.densify_until, iterations / 2);
+      break;
+    case Densification::mcmc:
+      schedule.densify_until = pick(settings.densify_until, iterations - iterations / 6);
+      break;
+  }
+  const DensificationTraits traits = traitsOf(settings.densification);
+  schedule.reset_every = traits.resets_opacity ? pick(settings.reset_every, iterations >= 6000 ? 3000 : 0) : 0;
   schedule.reset_until = std::min(schedule.densify_until - schedule.densify_every, iterations - iterations / 3);
   // Some time after the last round, for what it has brought to settle, and before the end, for what is merged. Where
   // rounds go on to the end a limit swaps.
   const int until = schedule.densify_until, after = iterations - until;
-  if (adc && until > 0 && after > 0) {
+  if (traits.heeds_limit_by && until > 0 && after > 0) {
     switch (settings.limit_by) {
       case LimitBy::room:
       case LimitBy::swap:

@@ -217,10 +217,11 @@ void checkSettings(const TrainSettings& settings) {
     TrainSettings ignored;
     entry.set(ignored, entry.get(settings));
   }
+  const DensificationTraits traits = traitsOf(settings.densification);
   if (settings.percent > 0 && settings.gaussians > 0) {
     throw Error(ErrorKind::usage, "--percent and --gaussians both limit the count (expected one of them)");
   }
-  if (settings.percent > 0 && settings.default_gaussians == 0 && settings.densification != Densification::adc) {
+  if (settings.percent > 0 && settings.default_gaussians == 0 && !traits.finds_count) {
     throw Error(ErrorKind::usage, "--densification " + std::string(name(settings.densification)) +
                                       " finds no count that --percent would be a share of (expected --gaussians, or "
                                       "--default-gaussians with --percent)");
@@ -252,8 +253,9 @@ void checkSettings(const TrainSettings& settings) {
                 "--texture-dictionary is of textures of one size (expected a texture mode, --texture-sizes uniform and "
                 "no --adaptive-texels)");
   }
-  if (settings.densification == Densification::mcmc && settings.gaussians == 0 && settings.percent == 0) {
-    throw Error(ErrorKind::usage, "--densification mcmc needs a count to grow to (expected --gaussians or --percent)");
+  if (traits.needs_limit && settings.gaussians == 0 && settings.percent == 0) {
+    throw Error(ErrorKind::usage, "--densification " + std::string(name(settings.densification)) +
+                                      " needs a count to grow to (expected --gaussians or --percent)");
   }
 }
 

@@ -17,6 +17,27 @@ namespace tg {
 // and growth to a cap as Markov chain Monte Carlo (Kheradmand et al. 2024).
 enum class Densification { none, adc, mcmc };
 constexpr auto namesOf(Densification) { return enumNames("none", "adc", "mcmc"); }
+// In what they differ beside their rounds (Trainer::densify).
+struct DensificationTraits {
+  bool finds_count = false;         // without a limit it ends at a count, which percent may be a share of
+  bool needs_limit = false;         // it does not, and its rounds keep those that are seen most
+  bool heeds_limit_by = false;      // else no limit is kept by LimitBy
+  bool resets_opacity = false;      // in rounds of their own
+  bool gathers_statistics = false;  // of every step (DensityStatistics)
+  bool grows_by_share = false;      // of the count, a round (Trainer::mcmcGrowth)
+  bool explores = false;  // half opaque and small at first; noise, and weights of opacity and sigma in the loss
+};
+constexpr DensificationTraits traitsOf(Densification densification) {
+  switch (densification) {
+    case Densification::none:
+      return {};
+    case Densification::adc:
+      return {.finds_count = true, .heeds_limit_by = true, .resets_opacity = true, .gathers_statistics = true};
+    case Densification::mcmc:
+      return {.needs_limit = true, .grows_by_share = true, .explores = true};
+  }
+  return {};
+}
 // What adc ranks by: |sum of the pixels' gradients| (3DGS), also the sum of their magnitudes with the quantile rule of
 // GOF (docs/math.md 6.9), or that sum instead, under a threshold that as many pass.
 enum class DensifyScore { sum, magnitudes, magnitudesOnly };
