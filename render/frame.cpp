@@ -4,6 +4,8 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <type_traits>
+#include <vector>
 
 #include "core/image/color_map.h"
 #include "core/system/error.h"
@@ -13,33 +15,34 @@
 namespace tg {
 namespace {
 
+constexpr OutputSet outputsOfPlanes() {
+  OutputSet outputs;
+  const FrameT<float> frame;
+  forEachPlane([&](Output output, const auto&) { outputs = outputs | OutputSet{output}; }, frame);
+  return outputs;
+}
+static_assert(outputsOfPlanes() == kAllOutputs, "forEachPlane (render/renderer.h) has a line for each output");
+
+// Null where an output's pixels are of another kind.
 template <typename T>
-struct Plane {
-  Output output;
-  std::vector<T> Frame::* pixels;
-};
-constexpr Plane<float> kScalars[] = {
-    {Output::alpha, &Frame::alpha},       {Output::depth, &Frame::depth},
-    {Output::count, &Frame::count},       {Output::depthMedian, &Frame::depth_median},
-    {Output::overdraw, &Frame::overdraw}, {Output::texelDensity, &Frame::texel_density}};
-constexpr Plane<glm::vec3> kColors[] = {{Output::base, &Frame::base},
-                                        {Output::texture, &Frame::texture},
-                                        {Output::normal, &Frame::normal},
-                                        {Output::ellipsoids, &Frame::ellipsoids},
-                                        {Output::centers, &Frame::centers}};
-static_assert(std::size(kScalars) + std::size(kColors) + 1 == kCount<Output>, "an output lies here or is final");
+const std::vector<T>* planeOf(const Frame& frame, Output output) {
+  const std::vector<T>* found = nullptr;
+  const auto look = [&](Output plane, const auto& pixels) {
+    if constexpr (std::is_convertible_v<decltype(&pixels), const std::vector<T>*>) {
+      if (plane == output) found = &pixels;
+    }
+  };
+  forEachPlane(look, frame);
+  return found;
+}
 
 // The pixels of an output that has one number each; null for colours and normals.
-const std::vector<float>* scalars(const Frame& frame, Output output) {
-  const auto* plane = std::ranges::find(kScalars, output, &Plane<float>::output);
-  return plane == std::end(kScalars) ? nullptr : &(frame.*plane->pixels);
-}
+const std::vector<float>* scalars(const Frame& frame, Output output) { return planeOf<float>(frame, output); }
 
 // The pixels of an output that has three; final is their sum where base and texture lie apart.
 const std::vector<glm::vec3>& colors(const Frame& frame, Output output) {
-  const auto* plane = std::ranges::find(kColors, output, &Plane<glm::vec3>::output);
-  if (plane != std::end(kColors)) return frame.*plane->pixels;
-  return frame.base.empty() ? frame.picture : frame.base;
+  if (output == Output::final && !frame.base.empty()) return frame.base;
+  return *planeOf<glm::vec3>(frame, output);
 }
 
 void requireOutput(const Frame& frame, Output output) {

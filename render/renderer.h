@@ -41,23 +41,34 @@ struct FrameT {
   // Zeros. Base and texture come together; so does final with them, and alone it is `picture`.
   FrameT(int w, int h, OutputSet outputs = kBlendedOutputs) : width(w), height(h) {
     const std::size_t n = static_cast<std::size_t>(w) * static_cast<std::size_t>(h);
-    const auto make = [&](auto& pixels, bool wanted) { pixels.resize(wanted ? n : 0); };
-    const bool split = outputs.hasAny({Output::base, Output::texture});
-    make(picture, !split && outputs.has(Output::final));
-    make(base, split);
-    make(texture, split);
-    make(alpha, outputs.has(Output::alpha));
-    make(depth, outputs.has(Output::depth));
-    make(normal, outputs.has(Output::normal));
-    make(count, outputs.has(Output::count));
-    make(depth_median, outputs.has(Output::depthMedian));
-    make(overdraw, outputs.has(Output::overdraw));
-    make(ellipsoids, outputs.has(Output::ellipsoids));
-    make(centers, outputs.has(Output::centers));
-    make(texel_density, outputs.has(Output::texelDensity));
+    const OutputSet sums = {Output::base, Output::texture};
+    const bool split = outputs.hasAny(sums);
+    forEachPlane(
+        [&](Output output, auto& pixels) {
+          const bool wanted = sums.has(output) ? split : outputs.has(output) && !(split && output == Output::final);
+          pixels.resize(wanted ? n : 0);
+        },
+        *this);
   }
 };
 using Frame = FrameT<float>;
+
+// visit(output, pixels...) for each output, the pixels being those of all frames; final's are `picture`.
+template <typename Visit, typename... Frames>
+constexpr void forEachPlane(const Visit& visit, Frames&... frames) {
+  visit(Output::final, frames.picture...);
+  visit(Output::base, frames.base...);
+  visit(Output::texture, frames.texture...);
+  visit(Output::alpha, frames.alpha...);
+  visit(Output::depth, frames.depth...);
+  visit(Output::normal, frames.normal...);
+  visit(Output::count, frames.count...);
+  visit(Output::depthMedian, frames.depth_median...);
+  visit(Output::overdraw, frames.overdraw...);
+  visit(Output::ellipsoids, frames.ellipsoids...);
+  visit(Output::centers, frames.centers...);
+  visit(Output::texelDensity, frames.texel_density...);
+}
 
 // One output as numbers: 3 channels for colours and normals, else 1. Not clamped. Throws Error(usage) when the frame
 // does not hold it.

@@ -122,23 +122,8 @@ Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& setti
     band.center.y -= top;
     const Frame part = render(band, settings);
     addTimes(times, times_);
-    const auto append = [&](auto Frame::* member) {
-      const auto& from = part.*member;
-      auto& to = frame.*member;
-      to.insert(to.end(), from.begin(), from.end());
-    };
-    append(&Frame::picture);
-    append(&Frame::base);
-    append(&Frame::texture);
-    append(&Frame::alpha);
-    append(&Frame::depth);
-    append(&Frame::normal);
-    append(&Frame::count);
-    append(&Frame::depth_median);
-    append(&Frame::overdraw);
-    append(&Frame::ellipsoids);
-    append(&Frame::centers);
-    append(&Frame::texel_density);
+    forEachPlane([](Output, const auto& from, auto& to) { to.insert(to.end(), from.begin(), from.end()); }, part,
+                 frame);
   }
   times_ = std::move(times);
   frame.width = camera.size.x;

@@ -89,19 +89,7 @@ Frame rounded(const FrameT<double>& exact) {
   Frame frame;
   frame.width = exact.width;
   frame.height = exact.height;
-  const auto copy = [](auto& to, const auto& from) { to.assign(from.begin(), from.end()); };
-  copy(frame.picture, exact.picture);
-  copy(frame.base, exact.base);
-  copy(frame.texture, exact.texture);
-  copy(frame.alpha, exact.alpha);
-  copy(frame.depth, exact.depth);
-  copy(frame.normal, exact.normal);
-  copy(frame.count, exact.count);
-  copy(frame.depth_median, exact.depth_median);
-  copy(frame.overdraw, exact.overdraw);
-  copy(frame.ellipsoids, exact.ellipsoids);
-  copy(frame.centers, exact.centers);
-  copy(frame.texel_density, exact.texel_density);
+  forEachPlane([](Output, const auto& from, auto& to) { to.assign(from.begin(), from.end()); }, exact, frame);
   return frame;
 }
 
