@@ -15,8 +15,6 @@
 namespace tg {
 namespace {
 
-static_assert(std::ranges::all_of(valuesOf<Output>(), [](Output output) { return kAllOutputs.has(output); }));
-
 using S = RenderSettings;
 
 [[noreturn]] void refuse(std::string_view what, const std::string& problem) {
@@ -212,11 +210,9 @@ std::vector<RenderSetting> makeSettings() {
   const auto only = [&rows](OutputSet outputs, std::initializer_list<std::string_view> names) {
     for (const std::string_view name : names) std::ranges::find(rows, name, &RenderSetting::name)->outputs = outputs;
   };
-  constexpr OutputSet kOrdered = kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
-  constexpr OutputSet kHit = kOrdered | OutputSet{Output::overdraw};
-  only(kOrdered, {"sort"});
-  only(kHit, {"textures", "intersection", "outside", "texture-filter", "opacity-scale"});
-  only(kHit | OutputSet{Output::ellipsoids}, {"antialiasing", "splat-scale"});
+  only(kOrderedOutputs, {"sort"});
+  only(kHitOutputs, {"textures", "intersection", "outside", "texture-filter", "opacity-scale"});
+  only(kHitOutputs | OutputSet{Output::ellipsoids}, {"antialiasing", "splat-scale"});
   only(kSolidOutputs | OutputSet{Output::final, Output::base}, {"sh-degree", "background"});
   only({Output::final, Output::base}, {"exposure"});
   only({Output::texture}, {"gain"});

@@ -40,9 +40,16 @@ class OutputSet {
   constexpr OutputSet(std::initializer_list<Output> outputs) {
     for (Output output : outputs) bits_ |= bit(output);
   }
+  template <typename Outputs>
+  static constexpr OutputSet of(const Outputs& outputs) {
+    OutputSet set;
+    for (Output output : outputs) set.bits_ |= bit(output);
+    return set;
+  }
   constexpr bool has(Output output) const { return (bits_ & bit(output)) != 0; }
   constexpr bool hasAny(OutputSet others) const { return (bits_ & others.bits_) != 0; }
   constexpr bool hasAll(OutputSet others) const { return (others.bits_ & ~bits_) == 0; }
+  constexpr OutputSet without(OutputSet others) const { return OutputSet(bits_ & ~others.bits_); }
   constexpr OutputSet operator|(OutputSet other) const { return OutputSet(bits_ | other.bits_); }
   constexpr bool operator==(const OutputSet&) const = default;
 
@@ -54,13 +61,27 @@ class OutputSet {
 // What blending yields anyway, and what every backend gives.
 constexpr OutputSet kBlendedOutputs = {Output::final, Output::base,   Output::texture, Output::alpha,
                                        Output::depth, Output::normal, Output::count};
-
+// What blending yields as fast as the picture alone.
+constexpr OutputSet kPictureOutputs = {Output::final, Output::alpha};
+// What blending yields at all, up to the transmittance stop.
+constexpr OutputSet kOrderedOutputs = kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
+// What hits of splats decide, in whichever order.
+constexpr OutputSet kHitOutputs = kOrderedOutputs | OutputSet{Output::overdraw};
+// Without blending: the nearest alone.
 constexpr OutputSet kSolidOutputs = {Output::ellipsoids, Output::centers};
-// One number a pixel: pictures of them have a scale.
-constexpr OutputSet kNumberOutputs = {Output::alpha,       Output::depth,    Output::count,
-                                      Output::depthMedian, Output::overdraw, Output::texelDensity};
-constexpr OutputSet kAllOutputs =
-    kNumberOutputs | kSolidOutputs | OutputSet{Output::final, Output::base, Output::texture, Output::normal};
+constexpr OutputSet kAllOutputs = kHitOutputs | kSolidOutputs;
+
+// One number a pixel: pictures of them have a scale, which spans a frame's own numbers or is always the same.
+constexpr OutputSet kRangedOutputs = {Output::depth, Output::count, Output::depthMedian, Output::overdraw};
+constexpr OutputSet kNumberOutputs = kRangedOutputs | OutputSet{Output::alpha, Output::texelDensity};
+// Three: colours and normals.
+constexpr OutputSet kVectorOutputs =
+    kSolidOutputs | OutputSet{Output::final, Output::base, Output::texture, Output::normal};
+
+static_assert(kAllOutputs == OutputSet::of(valuesOf<Output>()) && !kHitOutputs.hasAny(kSolidOutputs),
+              "an output is one of hits or solid");
+static_assert(kAllOutputs == (kNumberOutputs | kVectorOutputs) && !kNumberOutputs.hasAny(kVectorOutputs),
+              "an output has one number a pixel or three");
 
 // In what order a pixel's splats are blended: by the camera z of their means, one order for all pixels; or by that of
 // the pixel's own hits, so that nothing pops when the camera turns (docs/math.md 5.1).

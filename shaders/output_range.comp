@@ -18,7 +18,8 @@ float shown(uint pixel) {
     case kOutputDepth: return texture_depth[pixel].w;
     case kOutputDepthMedian: return extras[pixel].x;
     case kOutputOverdraw: return extras[pixel].y;
-    default: return normal_count[pixel].w;
+    case kOutputCount: return normal_count[pixel].w;
+    default: return 0.0;
   }
 }
 

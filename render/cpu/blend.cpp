@@ -279,14 +279,10 @@ void forEachTile(const TileLists& lists, const Body& body) {
   parallelFor(lists.tiles(), 1, [&](std::int64_t tile) { body(static_cast<int>(tile)); });
 }
 
-bool wantsBlending(const Frame& frame) {
-  return !(frame.picture.empty() && frame.base.empty() && frame.alpha.empty() && frame.depth.empty() &&
-           frame.normal.empty() && frame.count.empty() && frame.depth_median.empty() && frame.texel_density.empty());
-}
-// All but the picture and its alpha.
-bool wantsAll(const Frame& frame) {
-  return !(frame.base.empty() && frame.depth.empty() && frame.normal.empty() && frame.count.empty() &&
-           frame.depth_median.empty() && frame.texel_density.empty());
+bool holdsAny(const Frame& frame, OutputSet outputs) {
+  bool any = false;
+  forEachPlane([&](Output output, const auto& pixels) { any |= outputs.has(output) && !pixels.empty(); }, frame);
+  return any;
 }
 
 }  // namespace
@@ -298,8 +294,8 @@ void blendFrame(const View& view, const ScreenSplats& screen, const TileLists& l
   TG_ASSERT(!view.footprint || texels.means != nullptr, "the footprint filter needs the textures' means");
   const BlendArgs args{view, screen.splats.data(), lists, texels, &frame, nullptr, nullptr};
   if (!frame.overdraw.empty()) forEachTile(lists, [&](int tile) { HWY_DYNAMIC_DISPATCH(countTile)(args, tile); });
-  if (!wantsBlending(frame)) return;
-  const bool all = wantsAll(frame);
+  if (!holdsAny(frame, kOrderedOutputs)) return;
+  const bool all = holdsAny(frame, kOrderedOutputs.without(kPictureOutputs));
   if (view.order == SplatOrder::perPixel) {
     blendInOrder(view, screen, lists, texels, all, frame);
   } else if (all) {

@@ -49,8 +49,7 @@ class CpuRenderer final : public Renderer {
     if (!frame.centers.empty()) {
       timed("centers", [&] { cpu::drawCenters(view, screen_, depth_order_.order, frame.centers); });
     }
-    if (settings.outputs.hasAny(kBlendedOutputs |
-                                OutputSet{Output::depthMedian, Output::overdraw, Output::texelDensity})) {
+    if (settings.outputs.hasAny(kHitOutputs)) {
       timed("tiles", [&] { cpu::buildTileLists(view, screen_, depth_order_.order, false, lists_); });
       timed("blend", [&] { cpu::blendFrame(view, screen_, lists_, texels, frame); });
     }
@@ -64,7 +63,7 @@ class CpuRenderer final : public Renderer {
 
  private:
   static bool isPicture(const cpu::View& view, const RenderSettings& settings) {
-    return OutputSet{Output::final, Output::alpha}.hasAll(settings.outputs) && view.order == SplatOrder::global &&
+    return kPictureOutputs.hasAll(settings.outputs) && view.order == SplatOrder::global &&
            std::max(view.size.x, view.size.y) <= cpu::kMaxPictureSide;
   }
 

@@ -119,7 +119,7 @@ void addPresent(PassList& list, const FrameInputs& in) {
   PassUniforms uniforms{};
   // final without base and texture lies where base lies otherwise.
   uniforms.output_kind = static_cast<std::uint32_t>(shown == Output::final ? Output::base : shown);
-  if (OutputSet{Output::depth, Output::depthMedian, Output::count, Output::overdraw}.has(shown)) {
+  if (kRangedOutputs.has(shown)) {
     const glm::uvec4 groups = groupGrid((in.image.width * in.image.height + kGroupSize - 1) / kGroupSize);
     list.add("output_range", Shader::outputRange,
              {list.counters(), in.image.texture_depth, in.image.normal_count, in.image.extras}, uniforms,
@@ -138,14 +138,14 @@ void addPresent(PassList& list, const FrameInputs& in) {
 
 FrameVariant variantFor(OutputSet outputs) {
   FrameVariant variant;
-  variant.all = outputs.hasAny({Output::base, Output::texture, Output::depth, Output::normal, Output::count,
-                                Output::depthMedian, Output::overdraw, Output::texelDensity});
+  variant.all = outputs.hasAny(kHitOutputs.without(kPictureOutputs));
   variant.overdraw = outputs.has(Output::overdraw);
   return variant;
 }
 
 FrameVariant variantFor(Output shown) {
   FrameVariant variant = variantFor(OutputSet{shown});
+  static_assert(kSolidOutputs == OutputSet{Output::ellipsoids, Output::centers}, "each has its shape");
   if (shown == Output::ellipsoids) variant.shape = kShapeEllipsoids;
   if (shown == Output::centers) variant.shape = kShapeCenters;
   variant.shown = shown;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/gtc/matrix_access.hpp>
+#include <type_traits>
 #include <utility>
 
 #include "core/system/assert.h"
@@ -86,29 +87,30 @@ void GpuRenderer::setModel(const GaussianModel& model) {
 }
 
 Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) {
-  constexpr OutputSet kSolid = {Output::ellipsoids, Output::centers};
   FrameVariant variant = variantFor(settings.outputs);
   OutputSet outputs = settings.outputs;
-  if (variant.all) outputs = outputs | kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity};
+  if (variant.all) outputs = outputs | kOrderedOutputs;
   if (outputs.has(Output::final)) outputs = outputs | OutputSet{Output::alpha};
   checkFrame(camera, settings);
   const int rows = rowsAtOnce(camera);
   if (rows < camera.size.y) return renderBands(camera, settings, rows);
   fitImage(camera);
   Frame frame(camera.size.x, camera.size.y, outputs);
-  if (variant.all || outputs.hasAny({Output::final, Output::alpha}) || !outputs.hasAny(kSolid)) {
+  if (variant.all || outputs.hasAny({Output::final, Output::alpha}) || !outputs.hasAny(kSolidOutputs)) {
     drawOutputs(camera, settings, variant);
     readBlended(variant, frame);
   }
-  for (const Output solid : {Output::ellipsoids, Output::centers}) {
-    if (!outputs.has(solid)) continue;
-    variant = variantFor(solid);
-    variant.shown.reset();
-    drawOutputs(camera, settings, variant);
-    std::vector<glm::vec3>& colors = solid == Output::ellipsoids ? frame.ellipsoids : frame.centers;
-    const std::vector<glm::vec4> pixels = readPixels(image_->base_transmittance);
-    colors.assign(pixels.begin(), pixels.end());
-  }
+  const auto draw_solid = [&](Output output, auto& plane) {
+    if constexpr (std::is_same_v<decltype(plane), std::vector<glm::vec3>&>) {
+      if (!kSolidOutputs.has(output) || !outputs.has(output)) return;
+      variant = variantFor(output);
+      variant.shown.reset();
+      drawOutputs(camera, settings, variant);
+      const std::vector<glm::vec4> pixels = readPixels(image_->base_transmittance);
+      plane.assign(pixels.begin(), pixels.end());
+    }
+  };
+  forEachPlane(draw_solid, frame);
   return frame;
 }
 

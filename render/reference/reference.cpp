@@ -98,7 +98,7 @@ FrameT<double> renderReference(const ReferenceModel& model, const Camera& camera
       const std::size_t pixel = static_cast<std::size_t>(y) * camera.size.x + x;
       const glm::dvec2 position(x + 0.5, static_cast<double>(y) + 0.5);
       const glm::dvec3 direction = reference::rayDirection(camera, position.x, position.y);
-      if (settings.outputs.hasAny(kBlendedOutputs | OutputSet{Output::depthMedian, Output::texelDensity})) {
+      if (settings.outputs.hasAny(kOrderedOutputs)) {
         blendPixel(scene, direction, pixel, frame);
       }
       if (!frame.overdraw.empty()) frame.overdraw[pixel] = overdraw(scene, direction);

@@ -137,6 +137,14 @@ TEST_CASE("numbers have the colours of the map asked for, and are black where no
   CHECK_FALSE(mapsOnHost(Output::count, {}));
 }
 
+TEST_CASE("scales follow a frame's numbers for the outputs of kRangedOutputs alone") {
+  for (const Output output : valuesOf<Output>()) {
+    if (!kNumberOutputs.has(output)) continue;
+    INFO(name(output));
+    CHECK((ownScale(output, 1, 2) != ownScale(output, 3, 4)) == kRangedOutputs.has(output));
+  }
+}
+
 TEST_CASE("a frame gives no output that it does not hold") {
   const Frame picture(2, 1, {Output::final});
   CHECK(extract(picture, Output::final).data == std::vector<float>(6, 0.0f));
