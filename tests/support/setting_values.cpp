@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small scenes that together show every setting, drawn by the reference and by another renderer.
+// Small scenes that together show every setting and every output, drawn by the reference and by another renderer.
 #include "support/setting_values.h"
 
 #include <algorithm>
@@ -18,6 +18,8 @@ namespace {
 constexpr float kVisible = 1.0f / 255;  // pictures of 8 bits are half of it off
 constexpr double kStrays = 0.005;       // of the pixels: a threshold fell differently; measured: below 0.0005
 constexpr double kShown = 0.01;         // of the pixels, that a value has to change in a scene; measured: from 0.016 on
+
+std::string percent(double share) { return formatted("%.1f %%", 100 * share); }
 
 // The share of the pixels that differ visibly.
 double share(const Image& a, const Image& b) {
@@ -96,12 +98,42 @@ std::string ignoredSettings(const DrawPictures& draw) {
     }
   }
   std::string lines;
-  const auto percent = [](double share) { return formatted("%.1f %%", 100 * share); };
   for (const RenderSetting& setting : renderSettings()) {
     const std::string name(setting.name), with = name + " " + otherValue(setting);
     if (shown[name] < kShown) lines += with + " changes " + percent(shown[name]) + " of the reference's pixels\n";
     if (wrong[name] > kStrays)
       lines += with + " is unlike the reference's in " + percent(wrong[name]) + " of the pixels\n";
+  }
+  return lines;
+}
+
+std::string undrawnOutputs(const DrawPictures& draw) {
+  std::map<Output, double> shown, wrong;
+  for (const TestScene& scene : scenes()) {
+    RenderSettings settings;
+    settings.outputs = kAllOutputs;
+    const Frame frame = rounded(renderReference(ReferenceModel(scene.model), scene.camera, settings));
+    for (const Output output : valuesOf<Output>()) {
+      const Image numbers = extract(frame, output), right = visualize(frame, output);
+      const auto zeros = static_cast<double>(std::ranges::count(numbers.data, 0.0f));
+      shown[output] = std::max(shown[output], 1 - zeros / static_cast<double>(numbers.data.size()));
+      for (const Image& picture : draw(scene, {}, output)) {
+        wrong[output] = std::max(wrong[output], share(picture, right));
+      }
+    }
+  }
+  std::string lines;
+  for (const Output output : valuesOf<Output>()) {
+    const std::string named(name(output));
+    if (shown[output] < kShown) {
+      lines += named +
+               " is 0 in the reference's pictures of the scenes of tests/support/setting_values.cpp (drawn by " +
+               "render/reference/reference.cpp; add a scene that shows it)\n";
+    }
+    if (wrong[output] > kStrays) {
+      lines += named + " is unlike the reference's in " + percent(wrong[output]) +
+               " of the pixels (where it is drawn: " + "\"An output\" in CONTRIBUTING.md)\n";
+    }
   }
   return lines;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every render setting away from its default: a value of each, and whether a renderer takes it up.
+// Every render setting away from its default, a value of each, and every output: whether a renderer takes it up.
 #pragma once
 #include <functional>
 #include <string>
@@ -19,5 +19,7 @@ using DrawPictures = std::function<std::vector<Image>(const TestScene&, const Re
 // A line for each setting whose value does not make of the pictures what it makes of the reference's, in the first
 // output that its row names; "" where there is none.
 std::string ignoredSettings(const DrawPictures& draw);
+// A line for each output that is 0 all over, or whose pictures are unlike the reference's; "" where there is none.
+std::string undrawnOutputs(const DrawPictures& draw);
 
 }  // namespace tg::test
