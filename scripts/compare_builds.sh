@@ -8,6 +8,10 @@ folder=$(realpath -m "${3:-$(mktemp -d)}")
 cd "$(dirname "$0")/.."
 python3 scripts/make_conformance.py "$folder/conformance" >/dev/null
 
+names() {  # PROGRAM FLAG: that it takes, of the old build, since both make them
+  "$old/$1" --completion bash | sed -n "s/^ *$2) COMPREPLY=(\$(compgen -W '\([^']*\)'.*/\1/p"
+}
+
 outputs() {  # PROGRAMS: everything into the working folder, by relative names, since some outputs hold the names
   local bin=$1 format backend show
   "$bin/tgtrain" make-sample scene --size 96 --views 24 --test-views 4 --overwrite
@@ -20,9 +24,12 @@ outputs() {  # PROGRAMS: everything into the working folder, by relative names, 
   "$bin/tgtrain" --print-config > config.ini
   "$bin/tgeval" model.tgz scene --images eval --side-by-side side --effective-rank --json eval.json > eval.txt
 
-  for format in glb gltf html ply compressed.ply sog splat spz tgz png; do
-    "$bin/tgconvert" model.tgz "model.$format" --overwrite > "convert_$format.txt"
-    [ "$format" = png ] || "$bin/tgconvert" "model.$format" --info --stats --json null > "info_$format.json"
+  local file
+  for format in $(names tgconvert --to) png; do
+    file=model.$format
+    case $format in *.json) mkdir -p "${format%.json}" && file=${format%.json}/$format ;; esac  # with parts beside it
+    "$bin/tgconvert" model.tgz "$file" --overwrite > "convert_$format.txt"
+    [ "$format" = png ] || "$bin/tgconvert" "$file" --info --stats --json null > "info_$format.json"
   done
   "$bin/tgconvert" model.tgz lean.glb --lean --quantize --atlas png16 > lean.txt
   "$bin/tgconvert" model.tgz meshopt.glb --meshopt --quantize --atlas exr > meshopt.txt || true
@@ -37,7 +44,7 @@ outputs() {  # PROGRAMS: everything into the working folder, by relative names, 
   done
 
   for backend in cpu vulkan opengl; do
-    for show in final base texture alpha depth normal count depth-median overdraw ellipsoids centers texel-density; do
+    for show in $(names tgview --show); do
       "$bin/tgview" model.tgz --render "$backend-$show.exr" --show "$show" --size 128x96 --backend "$backend" \
         > /dev/null 2>&1 || true
     done

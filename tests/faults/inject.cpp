@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Preloaded, it makes one call of a program fail: TG_FAULT="KIND:K:FILE" the K-th of that kind after main has begun (0:
-// none). FILE gets the name of what failed, or how many calls there were. Kinds: memory, open, read, write, sync, rename,
-// thread, kill (the process, by SIGKILL, before a call of open, write, sync or rename), and those of inject_device.cpp.
+// none). FILE gets the name of what failed, or how many calls there were. Kinds: memory, open, read, write, sync,
+// rename, thread, kill (the process, by SIGKILL, before a call of open, write, sync or rename), and those of
+// inject_device.cpp. With "all:0:FILE" it gets a line "KIND CALLS" for each of the former.
 #include "inject.h"
 
 #include <atomic>
@@ -35,6 +36,13 @@ std::atomic<bool> counting;  // only between main's first and last line: loaders
 std::atomic<std::uint64_t> calls;
 std::uint64_t chosen;
 char kind[16], report[4096];
+struct Kind {
+  const char* name;
+  std::atomic<std::uint64_t> calls;
+};
+Kind kinds[] = {{"memory", 0}, {"open", 0},   {"read", 0},   {"write", 0},
+                {"sync", 0},   {"rename", 0}, {"thread", 0}, {"kill", 0}};
+bool countsAll;
 std::atomic<bool> failed;
 
 void tell(const char* text) {
@@ -46,7 +54,12 @@ void tell(const char* text) {
 }  // namespace
 
 bool isChosen(const char* of, const char* name) {
-  if (!counting.load(std::memory_order_relaxed) || std::strcmp(kind, of) != 0 || ++calls != chosen) return false;
+  if (!counting.load(std::memory_order_relaxed)) return false;
+  if (countsAll) {
+    for (Kind& each : kinds) each.calls += std::strcmp(each.name, of) == 0;
+    return false;
+  }
+  if (std::strcmp(kind, of) != 0 || ++calls != chosen) return false;
   failed = true;
   tell(name);
   return true;
@@ -97,6 +110,7 @@ int (*program)(int, char**, char**);
 int countedMain(int argc, char** argv, char** environment) {
   if (const char* wish = std::getenv("TG_FAULT")) {
     std::sscanf(wish, "%15[^:]:%lu:%4095s", kind, &chosen, report);
+    countsAll = std::strcmp(kind, "all") == 0;
     unsetenv("LD_PRELOAD");  // children are not meant
     takeGl();
     counting = true;
@@ -107,8 +121,15 @@ int countedMain(int argc, char** argv, char** environment) {
 __attribute__((destructor)) void tellCount() {
   counting = false;
   if (report[0] == 0 || failed) return;
-  char text[32];
-  std::snprintf(text, sizeof text, "%lu", calls.load());
+  char text[512];
+  if (countsAll) {
+    std::size_t length = 0;
+    for (const Kind& each : kinds) {
+      length += std::snprintf(text + length, sizeof text - length, "%s %lu\n", each.name, each.calls.load());
+    }
+  } else {
+    std::snprintf(text, sizeof text, "%lu", calls.load());
+  }
   tell(text);
 }
 
