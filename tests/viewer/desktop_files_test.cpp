@@ -72,12 +72,16 @@ TEST_CASE("every format that is read has a MIME type of ours or a reason to have
   for (const Format& format : formats()) {
     const std::string name(format.name);
     if (!format.read || others.contains(name)) continue;
-    INFO("viewer/desktop/textured-gaussians.xml needs a type with <glob pattern=\"*." << name << "\"/>");
+    INFO("viewer/desktop/textured-gaussians.xml needs a type with <glob pattern=\"*."
+         << name << "\"/>, or `others` here its name");
     CHECK((text.find("." + name + "\"/>") != std::string::npos || text.find("." + name + "\" ") != std::string::npos));
   }
 }
 
 TEST_CASE("what tgview is said to open is the same in its three files") {
+  INFO(
+      "viewer/desktop: MimeType of tgview.desktop, <mediatype> of tgview.metainfo.xml.in, and of ours, "
+      "application/x-, <mime-type> of textured-gaussians.xml");
   const auto typesOf = [](const std::string& text, const std::string& begin) {
     std::set<std::string> types;
     for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at)) {

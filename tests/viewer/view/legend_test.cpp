@@ -24,6 +24,7 @@ TEST_CASE("pictures of numbers have a legend, the others none") {
     INFO(name(output));
     const auto legend = legendOf(output, {}, {0, 1});
     CHECK(legend.has_value() == hasLegend(output));
+    INFO("viewer/view/legend.cpp: a title in titleOf() for each output of kNumberOutputs (render/settings.h)");
     CHECK((!legend || !legend->title.empty()));
   }
   for (const CompareMode mode : valuesOf<CompareMode>()) {

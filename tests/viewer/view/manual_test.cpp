@@ -47,7 +47,7 @@ TEST_CASE("the manual has every render setting, with its names or limits, as a f
   const std::string flags = section(manual(), "Flags"), scripts = section(manual(), "Scripts");
   for (const RenderSetting& setting : renderSettings()) {
     const std::string name(setting.name), row = rowOf(flags, "--" + name);
-    INFO(name);
+    INFO("docs/viewer.md: a row of --" << name << " with its values under Flags, and " << name << " under Scripts");
     REQUIRE(row != "");
     for (const RenderSetting::Choice& choice : setting.choices) {
       CHECK_THAT(row, Contains("`" + std::string(choice.name) + "`"));
@@ -72,6 +72,7 @@ TEST_CASE("the manual has every render setting, with its names or limits, as a f
 TEST_CASE("the manual says of every output what it shows") {
   const std::string flags = section(manual(), "Flags"), outputs = section(manual(), "Outputs");
   for (const Output output : valuesOf<Output>()) {
+    INFO("docs/viewer.md: " << name(output) << " in the row of --show under Flags, and a row of it under Outputs");
     CHECK_THAT(rowOf(flags, "--show OUTPUT"), Contains("`" + std::string(name(output)) + "`"));
     CHECK_THAT(outputs, Contains(" | " + std::string(name(output)) + " | "));
   }
@@ -80,6 +81,7 @@ TEST_CASE("the manual says of every output what it shows") {
 TEST_CASE("the manual lists the keys as the help does") {
   const std::string keys = section(manual(), "Keys and mouse"), outputs = section(manual(), "Outputs");
   for (const KeyBinding& binding : keyBindings()) {
+    INFO("docs/viewer.md: a row for each key of kBindings (viewer/view/actions.cpp), under Keys and mouse or Outputs");
     const std::string row = "\n| " + std::string(binding.keys) + " | ";
     if (*binding.keys && outputs.find(row) == std::string::npos) {
       CHECK_THAT(keys, Contains(row + binding.text + " |\n"));
