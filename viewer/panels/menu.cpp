@@ -15,7 +15,7 @@ namespace {
 
 void actions(ViewerState& state, Menu menu) {
   for (const KeyBinding& binding : keyBindings()) {
-    if (binding.menu != menu || !*binding.keys) continue;
+    if (binding.menu != menu || !*binding.text) continue;
     if (binding.begins_group) ImGui::Separator();
     // These two name what they would do.
     const bool steps = binding.run == undo || binding.run == redo;

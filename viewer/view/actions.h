@@ -14,10 +14,10 @@ namespace tg {
 enum class Menu { none, file, edit, view, output, camera, path, help };
 
 struct KeyBinding {
-  int key = 0;  // kControl + a letter: with Ctrl held
+  int key = 0;  // kControl + a letter: with Ctrl held; 0 = none
   bool shift = false;
-  const char* keys = "";  // as the help shows it; "" = an alias that is not listed
-  const char* text = "";
+  const char* keys = "";                      // as the help shows it; "" = not there
+  const char* text = "";                      // "" = an alias that is not listed
   void (*run)(ViewerState& state) = nullptr;  // null: steps through the choices of
   std::string_view setting{};                 // a RenderSetting, which `text` calls what it has before its colon
   Menu menu = Menu::none;
