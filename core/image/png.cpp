@@ -79,9 +79,11 @@ struct PngWriter : PngState {
 
 struct PngHeader {
   png_uint_32 width, height;
-  int file_bits_per_pixel;
-  int channels, bit_depth;  // after conversion
-  std::size_t row_bytes;
+  int bits_per_pixel;
+};
+struct PngRows {
+  int channels, bit_depth;
+  std::size_t bytes;  // of one
 };
 
 bool readHeader(PngState& state, PngHeader& header) {
@@ -92,7 +94,13 @@ bool readHeader(PngState& state, PngHeader& header) {
   png_read_info(state.png, state.info);
   header.width = png_get_image_width(state.png, state.info);
   header.height = png_get_image_height(state.png, state.info);
-  header.file_bits_per_pixel = png_get_bit_depth(state.png, state.info) * png_get_channels(state.png, state.info);
+  header.bits_per_pixel = png_get_bit_depth(state.png, state.info) * png_get_channels(state.png, state.info);
+  return true;
+}
+
+// Takes memory for several rows.
+bool beginRows(PngState& state, PngRows& decoded) {
+  if (setjmp(state.jump)) return false;
   png_set_expand(state.png);  // palettes, 1-4 bit grey, tRNS
   if (png_get_color_type(state.png, state.info) == PNG_COLOR_TYPE_GRAY_ALPHA ||
       (png_get_color_type(state.png, state.info) == PNG_COLOR_TYPE_GRAY &&
@@ -101,9 +109,9 @@ bool readHeader(PngState& state, PngHeader& header) {
   }
   png_set_interlace_handling(state.png);
   png_read_update_info(state.png, state.info);
-  header.channels = png_get_channels(state.png, state.info);
-  header.bit_depth = png_get_bit_depth(state.png, state.info);
-  header.row_bytes = png_get_rowbytes(state.png, state.info);
+  decoded.channels = png_get_channels(state.png, state.info);
+  decoded.bit_depth = png_get_bit_depth(state.png, state.info);
+  decoded.bytes = png_get_rowbytes(state.png, state.info);
   return true;
 }
 
@@ -158,19 +166,21 @@ Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path) {
   PngHeader header{};
   if (!readHeader(state, header)) fail(state, ErrorKind::badData, path, "broken PNG: ");
   // Deflate never exceeds 1032 : 1. A packed pixel may be less than a byte: count it as 8 pixels a byte.
-  checkImageSize(header.width, header.height, std::max(1, header.file_bits_per_pixel / 8), bytes.size(),
-                 header.file_bits_per_pixel < 8 ? 1040 * 8 : 1040, path);
-  std::vector<std::uint8_t> pixels(header.row_bytes * header.height);
+  checkImageSize(header.width, header.height, std::max(1, header.bits_per_pixel / 8), bytes.size(),
+                 header.bits_per_pixel < 8 ? 1040 * 8 : 1040, path);
+  PngRows decoded{};
+  if (!beginRows(state, decoded)) fail(state, ErrorKind::badData, path, "broken PNG: ");
+  std::vector<std::uint8_t> pixels(decoded.bytes * header.height);
   std::vector<png_bytep> rows(header.height);
-  for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = pixels.data() + y * header.row_bytes;
+  for (std::size_t y = 0; y < rows.size(); ++y) rows[y] = pixels.data() + y * decoded.bytes;
   if (!readRows(state, rows)) fail(state, ErrorKind::badData, path, "broken PNG: ");
 
-  Image image(static_cast<int>(header.width), static_cast<int>(header.height), header.channels);
-  const std::size_t row_values = static_cast<std::size_t>(header.width) * static_cast<std::size_t>(header.channels);
+  Image image(static_cast<int>(header.width), static_cast<int>(header.height), decoded.channels);
+  const std::size_t row_values = static_cast<std::size_t>(header.width) * static_cast<std::size_t>(decoded.channels);
   parallelFor(image.height, 64, [&](std::int64_t y) {
     const std::uint8_t* from = rows[static_cast<std::size_t>(y)];
     float* to = image.data.data() + static_cast<std::size_t>(y) * row_values;
-    if (header.bit_depth == 16) {
+    if (decoded.bit_depth == 16) {
       for (std::size_t i = 0; i < row_values; ++i) {
         to[i] = static_cast<float>(from[2 * i] << 8 | from[2 * i + 1]) / 65535.0f;
       }
