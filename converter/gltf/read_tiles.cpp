@@ -3,6 +3,8 @@
 #include "converter/gltf/read_tiles.h"
 
 #include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -104,7 +106,9 @@ std::filesystem::path contentOfTileset(const std::filesystem::path& path) {
 
 Bundle readTiles(const std::filesystem::path& path, const ReadOptions& options) {
   const TileContent content = parseTileset(readFile(path, kMaxTilesetBytes), path.string());
-  Bundle loaded = readGltf(path.parent_path() / content.name, options, content.scene_from_content);
+  const std::filesystem::path named = path.parent_path() / content.name;
+  (void)FileReader(named, std::numeric_limits<std::uint64_t>::max());  // throws where it is no regular file
+  Bundle loaded = readGltf(named, options, content.scene_from_content);
   if (content.on_globe) {
     loaded.warnings.emplace_back("the place on the globe is left out: the scene stands as its content does");
   }

@@ -177,14 +177,7 @@ struct Candidate {
 
 LodReader lodFolderReader(const std::filesystem::path& lod_meta) {
   const std::filesystem::path folder = lod_meta.parent_path();
-  return [folder](const std::string& relative, std::uint64_t most) {
-    const std::filesystem::path path = folder / relative;
-    std::error_code status;
-    if (std::filesystem::exists(path, status) && !isFile(path)) {
-      throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");
-    }
-    return readFile(path, most);
-  };
+  return [folder](const std::string& relative, std::uint64_t most) { return readRegularFile(folder / relative, most); };
 }
 
 bool isLodMeta(const std::filesystem::path& path) {

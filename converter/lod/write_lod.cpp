@@ -216,7 +216,7 @@ std::vector<fs::path> filesBefore(const fs::path& path) {
     if (!ours || (!scene.cameras.empty() && inFolder(scene.cameras, folder) != kCamerasName)) return {};
     for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
       if (!isLodMeta(entry.path()) || entry.path().filename() == path.filename()) continue;
-      const std::vector<std::uint8_t> other = readFile(entry.path(), kMaxLodMetaBytes);
+      const std::vector<std::uint8_t> other = readRegularFile(entry.path(), kMaxLodMetaBytes);
       if (std::string_view(reinterpret_cast<const char*>(other.data()), other.size()).find("\"" + folder) !=
           std::string_view::npos)
         return {};
@@ -228,7 +228,7 @@ std::vector<fs::path> filesBefore(const fs::path& path) {
       if (!isFile(meta)) continue;
       if (fs::canonical(meta.parent_path()) != fs::canonical(parent) / fs::path(file).parent_path()) return {};
       files.push_back(meta);
-      const nlohmann::json sog = parseJson(readFile(meta, kMaxLodMetaBytes), meta.string());
+      const nlohmann::json sog = parseJson(readRegularFile(meta, kMaxLodMetaBytes), meta.string());
       for (const nlohmann::json& part : sog) {
         if (!part.is_object() || !part.contains("files")) continue;
         for (const nlohmann::json& image : part["files"]) {

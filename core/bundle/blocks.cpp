@@ -77,7 +77,7 @@ SceneBlock blockIn(const JsonNode& node) {
 }
 
 nlohmann::json readRoot(const fs::path& file, const char* format) {
-  nlohmann::json json = parseJson(readFile(file, kMaxBytes), file.string());
+  nlohmann::json json = parseJson(readRegularFile(file, kMaxBytes), file.string());
   const std::string path = file.string();
   const JsonNode root{json, path, ""};
   if (!json.is_object() || !root.has("format") || root.string("format") != format) {

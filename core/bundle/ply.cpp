@@ -98,7 +98,7 @@ void writeSplatPly(const std::filesystem::path& path, const GaussianModel& model
 }
 
 PointCloud readPointCloudPly(const std::filesystem::path& path, const glm::dvec3& origin) {
-  const std::vector<std::uint8_t> bytes = readFile(path, kMaxPlyBytes);
+  const std::vector<std::uint8_t> bytes = readRegularFile(path, kMaxPlyBytes);
   const PlyVertices ply(bytes, path.string(), "point");
   std::vector<int> columns = {ply.require("x"), ply.require("y"), ply.require("z")};
   float scale = 1.0f;

@@ -36,6 +36,7 @@ struct PointCloud {
   std::vector<glm::vec3> color;  // [0,1]; grey 0.5 where the file has none
 };
 // x y z and, when present, red green blue (uchar or float). Positions are from `origin`, of which doubles keep all.
+// Throws Error(cannotRead / badData), also for what is no regular file.
 PointCloud readPointCloudPly(const std::filesystem::path& path, const glm::dvec3& origin = glm::dvec3(0.0));
 
 }  // namespace tg

@@ -152,6 +152,13 @@ void FileReader::read(std::uint64_t offset, std::span<std::uint8_t> out) const {
   }
 }
 
+std::vector<std::uint8_t> readRegularFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
+  const FileReader file(path, max_bytes);
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(file.size()));
+  file.read(0, bytes);
+  return bytes;
+}
+
 FileWriter::FileWriter(const std::filesystem::path& file, const std::filesystem::path& reported)
     : reported_(reported.string()), descriptor_(::open(file.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC)) {
   if (descriptor_ < 0) throw Error(ErrorKind::cannotWrite, reported_, "cannot open: " + systemReason());

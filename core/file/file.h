@@ -21,6 +21,8 @@ inline bool isFile(const std::filesystem::path& path) {
 
 // Throws Error(cannotRead) when missing, a folder, unreadable, or longer than max_bytes.
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes);
+// Of what another file names or a folder holds: throws also for a pipe or a device, which may have no end.
+std::vector<std::uint8_t> readRegularFile(const std::filesystem::path& path, std::uint64_t max_bytes);
 
 // Thrown out of a reader that was told to stop.
 struct ReadCancelled : std::exception {

@@ -62,7 +62,7 @@ Image decodeImage(std::span<const std::uint8_t> bytes, const std::string& path) 
 }
 
 Image readImage(const std::filesystem::path& path) {
-  return decodeImage(readFile(path, kMaxImageFileBytes), path.string());
+  return decodeImage(readRegularFile(path, kMaxImageFileBytes), path.string());
 }
 
 namespace {

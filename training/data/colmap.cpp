@@ -118,7 +118,7 @@ ColmapCamera makeCamera(const fs::path& path, const std::string& label, const Ca
 // Little-endian fields of a file in memory; every read is checked against what is left.
 class Reader {
  public:
-  explicit Reader(const fs::path& path) : path_(path), bytes_(readFile(path, kMaxModelBytes)) {}
+  explicit Reader(const fs::path& path) : path_(path), bytes_(readRegularFile(path, kMaxModelBytes)) {}
 
   template <typename T>
   T read(const char* what) {
@@ -165,7 +165,7 @@ class Reader {
 class Lines {
  public:
   explicit Lines(const fs::path& path) : path_(path) {
-    const std::vector<std::uint8_t> bytes = readFile(path, kMaxModelBytes);
+    const std::vector<std::uint8_t> bytes = readRegularFile(path, kMaxModelBytes);
     std::string text(bytes.begin(), bytes.end());
     if (text.starts_with("\xef\xbb\xbf")) text.erase(0, 3);  // Notepad's mark of UTF-8
     stream_.str(std::move(text));

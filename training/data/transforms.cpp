@@ -23,7 +23,7 @@ constexpr std::array<const char*, 10> kDistortion = {"k1", "k2", "k3", "k4", "k5
 constexpr std::array<const char*, 8> kExtensions = {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG"};
 
 nlohmann::json readObject(const std::string& path) {
-  nlohmann::json json = parseJson(readFile(path, kMaxJsonBytes), path);
+  nlohmann::json json = parseJson(readRegularFile(path, kMaxJsonBytes), path);
   if (!json.is_object()) throw Error(ErrorKind::badData, path, "expected a JSON object at the top");
   return json;
 }

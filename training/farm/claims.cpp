@@ -43,7 +43,7 @@ void makeFolder(const fs::path& folder) {
 }
 
 std::string textOf(const fs::path& file, std::uint64_t max_bytes) {
-  const std::vector<std::uint8_t> bytes = readFile(file, max_bytes);
+  const std::vector<std::uint8_t> bytes = readRegularFile(file, max_bytes);
   return {bytes.begin(), bytes.end()};
 }
 

@@ -48,7 +48,7 @@ Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
     return;
   }
   try {
-    const nlohmann::json json = parseJson(readFile(file, kMaxLedgerBytes), file.string());
+    const nlohmann::json json = parseJson(readRegularFile(file, kMaxLedgerBytes), file.string());
     if (json.at("format") != kFormat || json.at("version") != kVersion) return;
     std::map<PhotoStage, Entry> entries;
     for (const PhotoStage stage : valuesOf<PhotoStage>()) {

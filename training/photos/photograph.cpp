@@ -270,7 +270,7 @@ ExifFacts readExif(Bytes block, int width, int height) {
 }
 
 TakenPhotograph readPhotograph(const fs::path& file) {
-  return decodePhotograph(readFile(file, kMaxPhotographBytes), file.string());
+  return decodePhotograph(readRegularFile(file, kMaxPhotographBytes), file.string());
 }
 
 TakenPhotograph decodePhotograph(Bytes bytes, const std::string& path) {

@@ -56,7 +56,7 @@ void LiveFolder::look() {
   try {
     std::string text = "\n";
     if (fs::file_size(taken, error) <= kMaxOrder) {
-      const std::vector<std::uint8_t> bytes = readFile(taken, kMaxOrder);
+      const std::vector<std::uint8_t> bytes = readRegularFile(taken, kMaxOrder);
       text.assign(bytes.begin(), bytes.end());
     }
     const bool whole = text.ends_with('\n');

@@ -89,7 +89,7 @@ std::vector<OwnFile> outputsOf(const fs::path& folder) {
   const fs::path path = folder / kOutputsName;
   if (!fs::exists(path)) return {};
   const std::string name = path.string();
-  const nlohmann::json listed = parseJson(readFile(path, kMostOutputsBytes), name);
+  const nlohmann::json listed = parseJson(readRegularFile(path, kMostOutputsBytes), name);
   const JsonNode node{listed, name, ""};
   std::vector<OwnFile> outputs;
   for (const nlohmann::json& output : node.list("outputs", kMostOutputs)) outputs.push_back({nameOf(output, node), ""});

@@ -20,7 +20,7 @@ constexpr std::uint64_t kMaxStatus = 64 << 10;  // [bytes]
 std::string textOf(const std::filesystem::path& file) {
   if (!isFile(file)) return "";
   try {
-    const std::vector<std::uint8_t> bytes = readFile(file, kMaxStatus);
+    const std::vector<std::uint8_t> bytes = readRegularFile(file, kMaxStatus);
     return {bytes.begin(), bytes.end()};
   } catch (const Error&) {
     return "";

@@ -13,7 +13,7 @@ struct Image {
   std::vector<float> data;  // [height, width, channels], top row first; colours as stored (sRGB), black 0, white 1
 };
 
-// PNG, JPEG or EXR, told apart by their first bytes. Throws Error: cannotRead, badData.
+// PNG, JPEG or EXR, told apart by their first bytes. A regular file. Throws Error: cannotRead, badData.
 Image readImage(const std::filesystem::path& path);
 // By the extension: .png (clamped to [0, 1], 8 bits), .jpg (the same, quality 95, without the alpha of 4 channels) or
 // .exr (half floats). A file that is there is replaced once the new one is complete. Throws Error: cannotWrite; usage

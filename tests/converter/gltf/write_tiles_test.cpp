@@ -2,6 +2,8 @@
 // 3D Tiles: what is written, and what is read.
 #include "converter/gltf/write_tiles.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -194,6 +196,15 @@ TEST_CASE("tilesets that are not read say why") {
   CHECK_THAT(told(R"({"children": [null]})"), Contains("/root/children/0: wrong type"));
   CHECK_THAT(told(R"({"implicitTiling": {}, "content": {"uri": "a.glb"}})"), Contains("has implicit tiles"));
   CHECK_THAT(told(R"({"transform": [1, 2], "content": {"uri": "a.glb"}})"), Contains("transform"));
+}
+
+TEST_CASE("a tileset whose content is a pipe is refused, not waited for") {
+  const Scratch scratch;
+  const fs::path tileset =
+      scratch.write("tileset.json", R"({"geometricError": 1, "root": {"content": {"uri": "a.glb"}}})");
+  REQUIRE(::mkfifo((scratch.folder() / "a.glb").c_str(), 0600) == 0);
+  CHECK(test::messageOf([&] { (void)readTiles(tileset, {}); }, ErrorKind::cannotRead) ==
+        (scratch.folder() / "a.glb").string() + ": is no regular file");
 }
 
 TEST_CASE("a tileset that cannot be written leaves nothing behind") {

@@ -2,10 +2,13 @@
 // Data set loaders on tiny sets made here: every layout, every refusal with its message.
 #include "training/data/dataset.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cmath>
 #include <span>
 
+#include "core/bundle/ply.h"
 #include "support/catch.h"
 #include "support/message_of.h"
 #include "support/shared_files.h"
@@ -387,6 +390,33 @@ TEST_CASE("refuses broken COLMAP content with its place", "[dataset]") {
   CHECK_THAT(refusal(folder.path), Contains("image size out of range (expected 1 to 1048576 pixels a side, found 16"));
   writeText(folder / "sparse/0/cameras.txt", "1 SIMPLE_RADIAL 16 12 20 8 6 1e20\n");
   CHECK_THAT(refusal(folder.path), Contains(".png: the lens distortion is implausible"));
+}
+
+TEST_CASE("a data set that names a pipe or a device is refused, not waited for", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "images/0.png", 16, 12);
+  Json named = frame("images/0.png");
+  named["mask_path"] = "mask";
+  writeText(folder / "transforms.json", pinhole({named}).dump());
+  REQUIRE(::mkfifo((folder / "mask").c_str(), 0600) == 0);
+  CHECK(refusal(folder.path) == "2 " + (folder / "mask").string() + ": is no regular file");
+  fs::remove(folder / "mask");
+  fs::create_symlink("/dev/null", folder / "mask");
+  CHECK(refusal(folder.path) == "2 " + (folder / "mask").string() + ": is no regular file");
+
+  for (const char* extension : {".txt", ".bin"}) {
+    tg::TemporaryFolder colmap;
+    const fs::path cameras = colmap / ("sparse/0/cameras" + std::string(extension));
+    const fs::path images = colmap / ("sparse/0/images" + std::string(extension));
+    writeText(cameras, std::string(8, extension[1] == 't' ? '\n' : '\0'));
+    REQUIRE(::mkfifo(images.c_str(), 0600) == 0);
+    CHECK(refusal(colmap.path) == "2 " + images.string() + ": is no regular file");
+  }
+
+  tg::TemporaryFolder block;
+  REQUIRE(::mkfifo((block / "points3d.ply").c_str(), 0600) == 0);
+  CHECK(refusal([&] { tg::readPointCloudPly(block / "points3d.ply"); }) ==
+        "2 " + (block / "points3d.ply").string() + ": is no regular file");
 }
 
 TEST_CASE("refuses what is no data set and says what it looked for", "[dataset]") {
