@@ -17,8 +17,7 @@ namespace {
 
 constexpr OutputSet outputsOfPlanes() {
   OutputSet outputs;
-  const FrameT<float> frame;
-  forEachPlane([&](Output output, const auto&) { outputs = outputs | OutputSet{output}; }, frame);
+  forEachPlane([&](Output output) { outputs = outputs | OutputSet{output}; });
   return outputs;
 }
 static_assert(outputsOfPlanes() == kAllOutputs, "forEachPlane (render/renderer.h) has a line for each output");

@@ -43,8 +43,8 @@ class Scenario:
 
 def written_formats(programs):
     """The names that --to of tgconvert takes."""
-    said = subprocess.run([str(programs / "tgconvert"), "--completion", "bash"], check=True, capture_output=True, text=True)
-    return re.search(r"--to\).*?compgen -W '([^']*)'", said.stdout)[1].split()
+    said = subprocess.check_output([str(programs / "tgconvert"), "--completion", "bash"], text=True)
+    return re.search(r"--to\).*?compgen -W '([^']*)'", said)[1].split()
 
 
 def writing(kind, model):

@@ -954,7 +954,7 @@ TEST_CASE("every setting changes what is trained", "[trainer]") {
   const tg::Dataset dataset = tg::test::tinyDataset();
   tg::test::SettingEffects cpu(dataset, [] { return tg::makeCpuDifferentiableRenderer(); });
   for (const tg::SettingEntry& entry : tg::settingEntries()) {
-    INFO(entry.name);
+    INFO("--" << entry.name << ": a value in every_setting.h trains what the default or another one trains");
     CHECK(cpu.changesModel(tg::test::runsOf(entry)));
   }
 }
