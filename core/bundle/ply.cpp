@@ -98,7 +98,14 @@ void writeSplatPly(const std::filesystem::path& path, const GaussianModel& model
 }
 
 PointCloud readPointCloudPly(const std::filesystem::path& path, const glm::dvec3& origin) {
-  const std::vector<std::uint8_t> bytes = readRegularFile(path, kMaxPlyBytes);
+  const FileReader file(path, kMaxPlyBytes);
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), kMaxPlyHeaderBytes)));
+  const std::size_t start = bytes.size();
+  file.read(0, bytes);
+  // Before the rest is read, of which what follows the points is left out.
+  const std::uint64_t trailing = PlyVertices(bytes, file.size(), path.string(), "point").trailing();
+  bytes.resize(static_cast<std::size_t>(file.size() - trailing));
+  if (bytes.size() > start) file.read(start, std::span(bytes).subspan(start));
   const PlyVertices ply(bytes, path.string(), "point");
   std::vector<int> columns = {ply.require("x"), ply.require("y"), ply.require("z")};
   float scale = 1.0f;

@@ -54,15 +54,34 @@ void checkImageSize(std::int64_t width, std::int64_t height, std::int64_t bytes_
   }
 }
 
-Image decodeImage(std::span<const std::uint8_t> bytes, const std::string& path) {
-  if (startsWith(bytes, {0x89, 'P', 'N', 'G'})) return decodePng(bytes, path);
-  if (startsWith(bytes, {0xff, 0xd8, 0xff})) return decodeJpeg(bytes, path);
-  if (startsWith(bytes, {0x76, 0x2f, 0x31, 0x01})) return decodeExrPicture(bytes, path);
+namespace {
+
+constexpr std::size_t kMagicBytes = 4;
+using DecodeFile = Image (*)(std::span<const std::uint8_t> bytes, const std::string& path);
+
+// By the first kMagicBytes of a file.
+DecodeFile decoderOf(std::span<const std::uint8_t> bytes, const std::string& path) {
+  if (startsWith(bytes, {0x89, 'P', 'N', 'G'})) return decodePng;
+  if (startsWith(bytes, {0xff, 0xd8, 0xff})) return decodeJpeg;
+  if (startsWith(bytes, {0x76, 0x2f, 0x31, 0x01})) return decodeExrPicture;
   throw Error(ErrorKind::badData, path, "unknown image format (expected PNG, JPEG or EXR)");
 }
 
+}  // namespace
+
+Image decodeImage(std::span<const std::uint8_t> bytes, const std::string& path) {
+  return decoderOf(bytes, path)(bytes, path);
+}
+
 Image readImage(const std::filesystem::path& path) {
-  return decodeImage(readRegularFile(path, kMaxImageFileBytes), path.string());
+  const FileReader file(path, kMaxImageFileBytes);
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), kMagicBytes)));
+  const std::size_t start = bytes.size();
+  file.read(0, bytes);
+  const DecodeFile decode = decoderOf(bytes, path.string());  // before the rest is read
+  bytes.resize(static_cast<std::size_t>(file.size()));
+  file.read(start, std::span(bytes).subspan(start));
+  return decode(bytes, path.string());
 }
 
 namespace {

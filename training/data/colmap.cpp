@@ -11,6 +11,7 @@
 #include <map>
 #include <span>
 #include <sstream>
+#include <string_view>
 
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -23,6 +24,8 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kMaxModelBytes = std::uint64_t{4} << 30;
+constexpr std::size_t kPieceBytes = std::size_t{1} << 20;
+constexpr std::size_t kMaxLineBytes = std::size_t{1} << 28;  // 2D points of one image: millions
 constexpr std::size_t kMaxNameBytes = 4096;
 constexpr std::uint64_t kLeastImageBytes = 73;  // in images.bin: without a name, without points
 
@@ -115,64 +118,83 @@ ColmapCamera makeCamera(const fs::path& path, const std::string& label, const Ca
   return result;
 }
 
-// Little-endian fields of a file in memory; every read is checked against what is left.
+// A file from its beginning on, of which a piece is in memory.
+class Pieces {
+ public:
+  explicit Pieces(const fs::path& path) : file_(path, kMaxModelBytes) {}
+  std::uint64_t remaining() const { return file_.size() - position_; }
+  // What comes next: `least` bytes or more, fewer at the end only.
+  std::span<const std::uint8_t> ahead(std::size_t least) {
+    if (position_ + std::min<std::uint64_t>(least, remaining()) > begin_ + piece_.size()) {
+      begin_ = position_;
+      piece_.resize(static_cast<std::size_t>(std::min<std::uint64_t>(std::max(least, kPieceBytes), remaining())));
+      file_.read(begin_, piece_);
+    }
+    return std::span(piece_).subspan(static_cast<std::size_t>(position_ - begin_));
+  }
+  void skip(std::uint64_t count) { position_ += count; }  // at most remaining()
+
+ private:
+  const FileReader file_;
+  std::vector<std::uint8_t> piece_;
+  std::uint64_t begin_ = 0, position_ = 0;  // of the piece, of what comes next
+};
+
+// Little-endian fields of a file; every read is checked against what is left.
 class Reader {
  public:
-  explicit Reader(const fs::path& path) : path_(path), bytes_(readRegularFile(path, kMaxModelBytes)) {}
+  explicit Reader(const fs::path& path) : path_(path), pieces_(path) {}
 
   template <typename T>
   T read(const char* what) {
     require(sizeof(T), what);
     T value;
-    std::memcpy(&value, bytes_.data() + position_, sizeof(T));
-    position_ += sizeof(T);
+    std::memcpy(&value, pieces_.ahead(sizeof(T)).data(), sizeof(T));
+    pieces_.skip(sizeof(T));
     return value;
   }
   // A count of records of at least `record_bytes` each: cannot exceed what the file can hold.
   std::uint64_t readCount(std::uint64_t record_bytes, const char* what) {
     const std::uint64_t count = read<std::uint64_t>(what);
-    if (count > remaining() / record_bytes) {
+    if (count > pieces_.remaining() / record_bytes) {
       fail(path_, std::string(what) + ": the file is too short for " + std::to_string(count) +
                       " records (expected at least " + std::to_string(record_bytes) + " bytes each, found " +
-                      std::to_string(remaining()) + " in all)");
+                      std::to_string(pieces_.remaining()) + " in all)");
     }
     return count;
   }
   std::string readName() {
-    const std::size_t limit = std::min<std::size_t>(remaining(), kMaxNameBytes);
-    const void* end = std::memchr(bytes_.data() + position_, 0, limit);
+    const std::span<const std::uint8_t> bytes = pieces_.ahead(kMaxNameBytes);
+    const void* end = bytes.empty() ? nullptr : std::memchr(bytes.data(), 0, std::min(bytes.size(), kMaxNameBytes));
     if (!end) fail(path_, "an image name does not end");
-    std::string name(reinterpret_cast<const char*>(bytes_.data()) + position_);
-    position_ += name.size() + 1;
+    std::string name(reinterpret_cast<const char*>(bytes.data()));
+    pieces_.skip(name.size() + 1);
     return name;
   }
   void skip(std::uint64_t count, const char* what) {
     require(count, what);
-    position_ += count;
+    pieces_.skip(count);
   }
 
  private:
-  std::uint64_t remaining() const { return bytes_.size() - position_; }
   void require(std::uint64_t count, const char* what) const {
-    if (count > remaining()) fail(path_, std::string("the file ends inside ") + what);
+    if (count > pieces_.remaining()) fail(path_, std::string("the file ends inside ") + what);
   }
   fs::path path_;
-  std::vector<std::uint8_t> bytes_;
-  std::size_t position_ = 0;
+  Pieces pieces_;
 };
 
 // Lines of a text file without comments; empty lines are kept, since images.txt gives them a meaning.
 class Lines {
  public:
-  explicit Lines(const fs::path& path) : path_(path) {
-    const std::vector<std::uint8_t> bytes = readRegularFile(path, kMaxModelBytes);
-    std::string text(bytes.begin(), bytes.end());
-    if (text.starts_with("\xef\xbb\xbf")) text.erase(0, 3);  // Notepad's mark of UTF-8
-    stream_.str(std::move(text));
+  explicit Lines(const fs::path& path) : path_(path), pieces_(path) {
+    constexpr std::array<std::uint8_t, 3> kMark = {0xef, 0xbb, 0xbf};  // Notepad's, of UTF-8
+    const std::span<const std::uint8_t> start = pieces_.ahead(kMark.size());
+    if (start.size() >= kMark.size() && std::ranges::equal(start.first(kMark.size()), kMark))
+      pieces_.skip(kMark.size());
   }
   bool next() {
-    while (std::getline(stream_, line_)) {
-      ++number_;
+    while (readLine()) {
       if (!line_.empty() && line_.back() == '\r') line_.pop_back();
       if (line_.empty() || line_.front() != '#') {
         fields_ = std::istringstream(line_);
@@ -212,8 +234,27 @@ class Lines {
   std::string label() const { return "line " + std::to_string(number_); }
 
  private:
+  bool readLine() {
+    line_.clear();
+    ++number_;
+    for (bool some = false;; some = true) {
+      const std::span<const std::uint8_t> bytes = pieces_.ahead(1);
+      if (bytes.empty()) return some;
+      const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+      const std::size_t end = text.find('\n');
+      const std::string_view part = text.substr(0, end);
+      if (part.find('\0') != part.npos) fail(path_, label() + ": holds a byte of value 0");
+      if (part.size() > kMaxLineBytes - line_.size()) {
+        fail(path_, label() + ": too long (expected at most " + std::to_string(kMaxLineBytes) + " bytes)");
+      }
+      line_ += part;
+      pieces_.skip(part.size() + (end == text.npos ? 0 : 1));
+      if (end != text.npos) return true;
+    }
+  }
+
   fs::path path_;
-  std::istringstream stream_;
+  Pieces pieces_;
   std::istringstream fields_;
   std::string line_;
   std::size_t number_ = 0;

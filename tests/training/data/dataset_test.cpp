@@ -9,6 +9,7 @@
 #include <span>
 
 #include "core/bundle/ply.h"
+#include "support/address_space.h"
 #include "support/catch.h"
 #include "support/message_of.h"
 #include "support/shared_files.h"
@@ -417,6 +418,32 @@ TEST_CASE("a data set that names a pipe or a device is refused, not waited for",
   REQUIRE(::mkfifo((block / "points3d.ply").c_str(), 0600) == 0);
   CHECK(refusal([&] { tg::readPointCloudPly(block / "points3d.ply"); }) ==
         "2 " + (block / "points3d.ply").string() + ": is no regular file");
+}
+
+TEST_CASE("files of gigabytes that are none of a data set's are refused without being read", "[dataset]") {
+  TG_SKIP_IF(noAddressSpaceLimit());
+  constexpr std::uintmax_t kSize = std::uintmax_t{3} << 30;  // with holes: on disk they take nothing
+  tg::TemporaryFolder folder, text, binary;
+  writePicture(folder / "images/0.png", 16, 12);
+  writeText(folder / "images/1.png", "no picture");
+  fs::resize_file(folder / "images/1.png", kSize);
+  writeText(folder / "points.ply", "no points");
+  fs::resize_file(folder / "points.ply", kSize);
+  ColmapText().write(text.path);
+  fs::resize_file(text / "sparse/0/images.txt", kSize);
+  for (const char* name : {"cameras.bin", "images.bin"}) writeText(binary / "sparse/0" / name, std::string(8, '\0'));
+  fs::resize_file(binary / "sparse/0/images.bin", kSize);
+
+  const AddressSpaceLimit limit(std::uint64_t{1} << 30);
+  writeText(folder / "transforms.json", pinhole({frame("images/0.png"), frame("images/1.png")}).dump());
+  CHECK(refusal(folder.path) ==
+        "3 " + (folder / "images/1.png").string() + ": unknown image format (expected PNG, JPEG or EXR)");
+  Json named = pinhole({frame("images/0.png")});
+  named["ply_file_path"] = "points.ply";
+  writeText(folder / "transforms.json", named.dump());
+  CHECK_THAT(refusal(folder.path), Contains("points.ply: "));
+  CHECK(refusal(text.path) == "3 " + (text / "sparse/0/images.txt").string() + ": line 21: holds a byte of value 0");
+  CHECK(refusal(binary.path) == "3 " + binary.path.string() + ": the data set lists no images");
 }
 
 TEST_CASE("refuses what is no data set and says what it looked for", "[dataset]") {
