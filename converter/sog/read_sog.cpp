@@ -26,6 +26,10 @@ constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{16} << 20;
 constexpr std::size_t kCountAlwaysAllowed = 1 << 20;
 constexpr std::size_t kMostPerByte = 4;  // Gaussians: positions alone take six bytes where they are no pattern
 constexpr std::size_t kMaxName = 255;
+// Of an image: some writers make it square, or its sides powers of two.
+constexpr std::size_t kMostPerNeededPixel = 4;
+constexpr std::size_t kPixelsAlwaysAllowed = std::size_t{1} << 22;  // the largest palette has fewer
+constexpr std::uint64_t kMostBytesPerPixel = 8;                     // lossless, of noise, with metadata
 
 class SogReader {
  public:
@@ -69,7 +73,12 @@ class SogReader {
     const std::string name = node.at("files").element(index).string();
     if (name.size() > kMaxName) node.fail("a file's name is too long" + atMost(kMaxName, name.size()));
     const std::string where = path_ + ": " + name;
-    BytePixels pixels = decodeWebp(files_(name, kMaxFileBytes), where, expected);
+    const std::size_t most = std::max(kMostPerNeededPixel * least, kPixelsAlwaysAllowed);
+    const std::vector<std::uint8_t> bytes = files_(name, kMostBytesPerPixel * most);
+    const WebpHeader header = readWebpHeader(bytes, where);
+    const std::size_t found = static_cast<std::size_t>(header.width) * static_cast<std::size_t>(header.height);
+    if (found > most) throw Error(ErrorKind::badData, where, "too many pixels" + atMost(most, found));
+    BytePixels pixels = decodeWebp(bytes, where, expected);
     if (pixels.size() < least) {
       throw Error(ErrorKind::badData, where,
                   "too few pixels (expected at least " + std::to_string(least) + ", found " +

@@ -2,6 +2,7 @@
 // SOG: files of other programs mean what they mean there, ours come back within their steps.
 #include "converter/sog/sog.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -44,6 +45,7 @@ struct SogParts {
       {"scales.webp", {0, 1, 2, 255, 2, 1, 0, 255}}, {"quats.webp", {128, 128, 128, 252, 255, 0, 128, 254}},
       {"sh0.webp", {0, 1, 2, 0, 2, 1, 0, 51}},       {"labels.webp", {1, 0, 0, 255, 0, 0, 0, 255}},
   };
+  std::vector<ZipEntry> replaced;  // in the place of images of their names
   int palette_width = 64 * 3;
 
   std::vector<std::uint8_t> bytes(const Scratch& scratch) const {
@@ -59,6 +61,9 @@ struct SogParts {
     for (std::size_t i = 0; i < 12 && i < palette.data.size(); ++i) palette.data[i] = 0;
     for (std::size_t i = 12; i < 24 && i < palette.data.size(); ++i) palette.data[i] = i == 13 ? 0 : 1;
     entries.push_back({"rows.webp", encodeWebp(palette)});
+    for (const ZipEntry& entry : replaced) {
+      *std::ranges::find(entries, entry.name, &ZipEntry::name) = entry;
+    }
     const auto path = scratch.folder() / "parts.sog";
     writeZip(path, entries, path);
     return readFile(path, 1 << 20);
@@ -138,6 +143,21 @@ TEST_CASE("SOG: what a file says wrongly is refused in words") {
         "a.sog: Gaussian 0 has SH that the palette lacks (expected an index below 1, found 1)");
   CHECK(refusal([](SogParts& p) { p.palette_width = 64; }).find("the palette's picture has a wrong width") !=
         std::string::npos);
+}
+
+TEST_CASE("SOG: an image takes no more memory than its Gaussians want") {
+  const Scratch scratch;
+  const auto refusal = [&](const std::string& name, std::vector<std::uint8_t> bytes) {
+    SogParts parts;
+    parts.replaced = {{name, std::move(bytes), true}};
+    return test::messageOf([&] { parseSog(parts.bytes(scratch), "a.sog"); });
+  };
+  // 40 kB of the file that are 40 MB
+  CHECK(refusal("scales.webp", std::vector<std::uint8_t>(40 << 20))
+            .starts_with("a.sog: entry \"scales.webp\" is too long (expected at most 33554432, found "));
+  const std::vector<std::uint8_t> large = encodeWebp(BytePixels(2100, 2000));
+  CHECK(refusal("l.webp", large) == "a.sog: l.webp: too many pixels (expected at most 4194304, found 4200000)");
+  CHECK(refusal("l.webp", encodeWebp(BytePixels(2000, 2000))) == "accepted");
 }
 
 TEST_CASE("SOG: a codebook of 256 values that lacks its first has one step before the others") {
