@@ -15,6 +15,7 @@
 
 #include "core/file/file.h"
 #include "core/system/error.h"
+#include "core/system/shortened.h"
 #include "training/data/dataset.h"
 #include "training/data/normalize.h"
 
@@ -293,7 +294,7 @@ Cameras readCamerasText(const fs::path& path) {
     const auto height = lines.read<std::uint64_t>("a height");
     const std::string label = "camera " + std::to_string(id);
     const auto known = std::ranges::find(kCameraModels, model, &CameraModel::name);
-    if (known == kCameraModels.end()) fail(path, label + ": unknown camera model " + model);
+    if (known == kCameraModels.end()) fail(path, label + ": unknown camera model " + shortened(model));
     cameras[id] = makeCamera(path, label, *known, width, height, lines.readRest());
   }
   return cameras;
@@ -328,7 +329,7 @@ std::vector<ColmapImage> readImagesText(const fs::path& path) {
     if (image.name.empty()) fail(path, lines.label() + ": expected an image name");
     // Some programs leave the line of 2D points out where there are none, and the next image would pass for it.
     if (lines.next() && !lines.holdsTriples()) {
-      fail(path, lines.label() + ": expected the 2D points of '" + image.name +
+      fail(path, lines.label() + ": expected the 2D points of '" + shortened(image.name) +
                      "', three numbers each, or an empty line where there are none");
     }
   }
@@ -381,7 +382,7 @@ PointCloud readPointsText(const fs::path& path, const glm::dvec3& origin) {
 glm::dmat3 rotationMatrix(const fs::path& path, const ColmapImage& image) {
   const double length = glm::length(image.rotation);
   if (!(length > 1e-6 && std::isfinite(length)) || !std::isfinite(glm::dot(image.translation, image.translation))) {
-    fail(path, "image '" + image.name + "': the pose is not usable (zero quaternion or not finite)");
+    fail(path, "image '" + shortened(image.name) + "': the pose is not usable (zero quaternion or not finite)");
   }
   const glm::dvec4 q = image.rotation / length;
   const double w = q[0], x = q[1], y = q[2], z = q[3];
@@ -464,7 +465,7 @@ DatasetIndex readColmap(const fs::path& folder, bool normalize) {
   for (const ColmapImage& image : images) {
     const auto camera = cameras.find(image.camera_id);
     if (camera == cameras.end()) {
-      fail(images_path, "image '" + image.name + "' names camera " + std::to_string(image.camera_id) +
+      fail(images_path, "image '" + shortened(image.name) + "' names camera " + std::to_string(image.camera_id) +
                             ", which cameras" + extension + " lacks");
     }
     DatasetIndex::Entry entry;

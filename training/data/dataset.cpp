@@ -17,6 +17,7 @@
 #include "core/system/lower_case.h"
 #include "core/system/median.h"
 #include "core/system/parallel.h"
+#include "core/system/shortened.h"
 #include "training/data/normalize.h"
 
 namespace tg {
@@ -295,7 +296,7 @@ PointCloud choosePoints(const DatasetOptions& options, DatasetIndex& index, std:
     return points;
   }
   if (!index.points_file.empty() && index.points.position.empty()) {
-    notes.push_back(index.points_file +
+    notes.push_back(shortened(index.points_file) +
                     (index.points_missing ? ", which transforms.json names, is missing" : " holds no points") +
                     ": training starts from random ones");
   }
@@ -404,7 +405,7 @@ void requireListed(const fs::path& folder, const fs::path& whole, const BlockFil
   if (missing.empty()) return;
   throw Error(ErrorKind::badData, (folder / kBlockName).string(),
               "names " + std::to_string(missing.size()) + " photographs that " + whole.string() +
-                  " lacks (the first: " + *missing.begin() + ")");
+                  " lacks (the first: " + shortened(*missing.begin()) + ")");
 }
 
 }  // namespace
@@ -557,7 +558,8 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   dataset.missing_images = static_cast<int>(listed - index.entries.size());
   if (dataset.missing_images > 0) {
     dataset.notes.push_back(std::to_string(dataset.missing_images) + " of " + std::to_string(listed) +
-                            " listed images are missing and were skipped (the first: " + first_missing + ")");
+                            " listed images are missing and were skipped (the first: " + shortened(first_missing) +
+                            ")");
   }
   if (index.entries.empty()) {
     std::error_code reason;
@@ -567,7 +569,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
     throw Error(ErrorKind::badData, folder.string(),
                 listed == 0 ? "the data set lists no images"
                             : "none of the " + std::to_string(listed) + " listed images exists (expected " +
-                                  first_missing + " and others; --image-folder names another folder)");
+                                  shortened(first_missing) + " and others; --image-folder names another folder)");
   }
 
   dropRepeated(folder, !options.validation, index, dataset.notes);

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "core/bundle/ply.h"
+#include "core/system/shortened.h"
 #include "support/address_space.h"
 #include "support/catch.h"
 #include "support/message_of.h"
@@ -444,6 +445,29 @@ TEST_CASE("files of gigabytes that are none of a data set's are refused without 
   CHECK_THAT(refusal(folder.path), Contains("points.ply: "));
   CHECK(refusal(text.path) == "3 " + (text / "sparse/0/images.txt").string() + ": line 21: holds a byte of value 0");
   CHECK(refusal(binary.path) == "3 " + binary.path.string() + ": the data set lists no images");
+}
+
+TEST_CASE("a name as long as a file is quoted by its beginning and its end", "[dataset]") {
+  tg::TemporaryFolder colmap, transforms;
+  const std::string name(1'000'000, 'x'), quoted = tg::shortened(name);
+  ColmapText text;
+  text.write(colmap.path);
+  for (int i = 0; i < 10; ++i) writePicture(colmap / ("images/image" + std::to_string(i) + ".png"), 16, 12);
+  text.images += "11 1 0 0 0 0 0 5 1 " + name + "\n\n";
+  text.write(colmap.path);
+  CHECK_THAT(loadDataset(colmap.path).notes.at(0), Contains("(the first: images/" + quoted.substr(7) + ")"));
+  text.images += "12 0 0 0 0 0 0 5 1 " + name + "\n\n";
+  text.write(colmap.path);
+  CHECK_THAT(refusal(colmap.path), Contains("image '" + quoted + "': the pose is not usable"));
+  text.images = "11 1 0 0 0 0 0 5 1 " + name + "\n\n";
+  text.write(colmap.path);
+  CHECK_THAT(refusal(colmap.path), Contains("(expected images/" + quoted.substr(7) + " and others"));
+
+  writePicture(transforms / "a.png", 16, 12);
+  Json json = pinhole({frame("a.png")});
+  json["ply_file_path"] = std::string(4000, 'x');
+  writeText(transforms / "transforms.json", json.dump());
+  CHECK_THAT(loadDataset(transforms.path).notes.at(0), Contains(quoted + ", which transforms.json names, is missing"));
 }
 
 TEST_CASE("refuses what is no data set and says what it looked for", "[dataset]") {
