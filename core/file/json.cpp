@@ -59,6 +59,13 @@ nlohmann::json parseJson(std::string_view text, const std::string& path, const J
     return nlohmann::json::parse(text);
   } catch (const nlohmann::json::parse_error& e) {
     throw Error(ErrorKind::badData, path, std::string(words.broken) + placeOf(text, e.byte));
+  } catch (const nlohmann::json::out_of_range& e) {
+    const std::string what = e.what();  // "[...] number overflow parsing '1e999'"
+    const std::size_t quote = what.find('\'');
+    const std::string number = quote == what.npos ? "" : what.substr(quote + 1, what.size() - quote - 2);
+    throw Error(ErrorKind::badData, path,
+                std::string(words.broken) + placeOf(text, text.find(number) + 1) + ": number out of range" +
+                    expectedFound("at most 1.8e308", shortened(number, 20, 10)));
   } catch (const nlohmann::json::exception& e) {
     throw Error(ErrorKind::badData, path, std::string(words.broken) + shortened(e.what()));
   }

@@ -64,3 +64,12 @@ TEST_CASE("JSON that is broken or nests deeper than 64 levels is refused in the 
   CHECK(messageOf([&] { parseJson("\xef\xbb\xbf{}", "a"); }) == "accepted");
   CHECK(messageOf([&] { parseJson("{} x", "a", {"broken: ", "deep"}); }).starts_with("a: broken: "));
 }
+
+TEST_CASE("a number beyond doubles in JSON is refused with its place") {
+  CHECK(messageOf([&] { parseJson("{\n \"a\": [1, -1e999]}", "a"); }) ==
+        "a: not valid JSON: line 2, column 11: number out of range (expected at most 1.8e308, found -1e999)");
+  const std::string digits(1'000'000, '9');
+  CHECK(messageOf([&] { parseJson("[" + digits + "]", "a"); }) ==
+        "a: not valid JSON: line 1, column 2: number out of range (expected at most 1.8e308, found " +
+            digits.substr(0, 20) + "..." + digits.substr(0, 10) + ")");
+}
