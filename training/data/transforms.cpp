@@ -19,6 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
+constexpr std::size_t kMaxPathBytes = 4096;  // the system's
 constexpr std::array<const char*, 10> kDistortion = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2"};
 constexpr std::array<const char*, 8> kExtensions = {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG"};
 
@@ -26,6 +27,13 @@ nlohmann::json readObject(const std::string& path) {
   nlohmann::json json = parseJson(readRegularFile(path, kMaxJsonBytes), path);
   if (!json.is_object()) throw Error(ErrorKind::badData, path, "expected a JSON object at the top");
   return json;
+}
+
+// The system would take what stands before a zero for it.
+bool isPath(const nlohmann::json& value) {
+  if (!value.is_string()) return false;
+  const std::string& text = value.get_ref<const std::string&>();
+  return text.size() <= kMaxPathBytes && text.find('\0') == text.npos;
 }
 
 std::string shown(double value) { return nlohmann::json(value).dump(); }
@@ -225,6 +233,7 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
     if (file_path == frame.value.end() || !file_path->is_string() || file_path->get<std::string>().empty()) {
       frame.fail("expected a string 'file_path'");
     }
+    if (!isPath(*file_path)) frame.fail("'file_path' is not a path");
     DatasetIndex::Entry entry;
     const std::string file = portable(folder, file_path->get<std::string>());
     entry.image = imagePath(folder, file);
@@ -241,7 +250,7 @@ void readFrames(const JsonNode& top, const fs::path& folder, bool test, DatasetI
     entry.camera.name = entry.below_images.empty() ? entry.image.filename().string() : entry.below_images;
     entry.camera.test = test || held_out;
     if (const auto mask = frame.value.find("mask_path"); mask != frame.value.end() && !mask->is_null()) {
-      if (!mask->is_string() || mask->get<std::string>().empty()) frame.fail("'mask_path' is not a path");
+      if (!isPath(*mask) || mask->get<std::string>().empty()) frame.fail("'mask_path' is not a path");
       entry.mask = folder / portable(folder, mask->get<std::string>());
     }
     setIntrinsics(top, frame, entry);
@@ -264,6 +273,7 @@ void readPoints(const JsonNode& top, const fs::path& folder, DatasetIndex& index
   const auto named = top.value.find("ply_file_path");
   if (named != top.value.end() && !named->is_null()) {
     if (!named->is_string()) top.fail("'ply_file_path' is not a string");
+    if (!isPath(*named)) top.fail("'ply_file_path' is not a path");
     index.points_file = portable(folder, named->get<std::string>());
   } else if (isFile(folder / "points3d.ply")) {
     index.points_file = "points3d.ply";

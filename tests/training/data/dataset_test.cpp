@@ -470,6 +470,20 @@ TEST_CASE("a name as long as a file is quoted by its beginning and its end", "[d
   CHECK_THAT(loadDataset(transforms.path).notes.at(0), Contains(quoted + ", which transforms.json names, is missing"));
 }
 
+TEST_CASE("a path in transforms.json that holds a zero or is longer than any is refused", "[dataset]") {
+  tg::TemporaryFolder folder;
+  writePicture(folder / "a.png", 16, 12);
+  for (const char* key : {"file_path", "mask_path", "ply_file_path"}) {
+    for (const std::string& path : {std::string("a.png") + '\0' + "b", std::string(5000, 'x')}) {
+      Json json = pinhole({frame("a.png")});
+      (key[0] == 'p' ? json : json["frames"][0])[key] = path;
+      writeText(folder / "transforms.json", json.dump());
+      CHECK(refusal(folder.path) == "3 " + (folder / "transforms.json").string() + ": " +
+                                        (key[0] == 'p' ? "" : "frame 0: ") + "'" + key + "' is not a path");
+    }
+  }
+}
+
 TEST_CASE("refuses what is no data set and says what it looked for", "[dataset]") {
   tg::TemporaryFolder folder;
   CHECK_THAT(refusal(folder.path), Contains("3 ") && Contains("transforms_train.json") && Contains("transforms.json") &&
