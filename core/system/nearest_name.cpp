@@ -14,6 +14,7 @@ std::string nearestName(std::string_view text, std::span<const std::string> name
   // Slips of a hand: a letter more, less, another, or two that changed places.
   std::size_t fewest = std::max<std::size_t>(1, std::min<std::size_t>(text.size() / 3, 3)) + 1;
   for (const std::string& name : names) {
+    if (text.size() >= name.size() + fewest || name.size() >= text.size() + fewest) continue;
     const std::size_t columns = name.size() + 1;
     std::vector<std::size_t> older(columns), last(columns), row(columns);
     std::iota(last.begin(), last.end(), std::size_t{0});

@@ -50,18 +50,19 @@ std::vector<std::string> longNames(const CLI::App& app, bool dashed) {
 std::string unexpected(const CLI::App& app) {
   const std::vector<std::string> left = app.remaining(true);
   const auto flag = std::ranges::find_if(left, [](const std::string& word) { return word.starts_with("-"); });
-  if (flag == left.end()) return "unexpected argument: " + (left.empty() ? "" : left.front());
+  if (flag == left.end()) return "unexpected argument: " + (left.empty() ? "" : shortened(left.front()));
   const std::string name = flag->substr(0, flag->find('='));
   const std::vector<CLI::App*> commands = app.get_subcommands();
-  return "no such option: " + name + meant(name, longNames(commands.empty() ? app : *commands.front(), true));
+  return "no such option: " + shortened(name) +
+         meant(name, longNames(commands.empty() ? app : *commands.front(), true));
 }
 
 // CLI11's words for a value that is missing or is none, as other checks say it.
 std::string likeOurs(const std::string& message) {
   const std::string_view none = "Could not convert: ";
   if (const std::size_t at = message.find(" = "); message.starts_with(none) && at != message.npos) {
-    return message.substr(none.size(), at - none.size()) + ": expected a number, found \"" + message.substr(at + 3) +
-           "\"";
+    return message.substr(none.size(), at - none.size()) + ": expected a number, found \"" +
+           shortened(message.substr(at + 3)) + "\"";
   }
   const std::size_t required = message.find(" required "), colon = message.rfind(": ", required);
   const bool missing = required != message.npos && colon != message.npos && message.ends_with(" missing") &&
@@ -84,7 +85,7 @@ std::string usageMessage(const CLI::App* app, const CLI::Error& error, std::span
   const std::string unknown = "INI was not able to parse ";
   if (message.starts_with(unknown)) {
     const std::string setting = message.substr(unknown.size());
-    message = "--config: no such setting: " + setting + meant(setting, longNames(*app, false));
+    message = "--config: no such setting: " + shortened(setting) + meant(setting, longNames(*app, false));
   }
   if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) message = unexpected(*app);
   if (const std::size_t at = message.find(": At Most 1 required"); at != message.npos) {
