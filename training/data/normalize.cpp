@@ -10,6 +10,7 @@
 
 #include "core/model/float_steps.h"
 #include "core/model/views.h"
+#include "core/system/error.h"
 #include "core/system/median.h"
 #include "core/system/numbers.h"
 #include "shared/limits.h"
@@ -21,6 +22,7 @@ namespace {
 // what wrote them. Where points say how far away the scene is, doubles may be nearer, down to this part of that.
 constexpr double kTogether = 1e-7;
 constexpr double kTogetherOfDepth = 1e-5;
+constexpr double kFarthestCamera = 1e100;  // [world units] products of three stay far inside doubles
 constexpr std::size_t kLookedAtPoints = 4096, kLookedAtViews = 64;
 
 double largestOf(const glm::dvec3& point) {
@@ -116,6 +118,13 @@ glm::dvec3 lookedAt(std::span<const Camera> views) {
 glm::dvec3 middleOf(const std::vector<DatasetIndex::Entry>& entries) {
   glm::dvec3 middle(0.0);
   if (entries.empty()) return middle;
+  for (const DatasetIndex::Entry& entry : entries) {
+    const glm::dvec3 position = entry.camera.position();
+    if (glm::length(position) <= kFarthestCamera) continue;
+    throw Error(
+        ErrorKind::badData, entry.image.string(),
+        "camera position out of range" + expectedFound("-1e100 to 1e100", formatted("%g", largestOf(position))));
+  }
   std::vector<double> values(entries.size());
   for (int axis = 0; axis < 3; ++axis) {
     for (std::size_t i = 0; i < entries.size(); ++i) values[i] = entries[i].camera.position()[axis];
@@ -141,6 +150,12 @@ Normalization normalize(DatasetIndex& index, std::vector<std::string>& notes) {
   double scale = depth > 0 ? kNormalExtent / depth : 1;
   if (apart > (depth > 0 ? kTogetherOfDepth * depth : kTogether * farthest))
     scale = std::max(kNormalExtent / (1.1 * apart), by_points);
+  if (!std::isnormal(scale) || !std::isnormal(1 / scale)) {
+    const std::string place = index.entries.empty() ? "the data set" : index.entries.front().image.string();
+    throw Error(ErrorKind::badData, place,
+                "cameras and points lie too near each other or too far apart to be normalized (they would be " +
+                    formatted("%g", scale) + " times as large)");
+  }
   for (std::size_t i = 0; i < cameras.size(); ++i) index.entries[i].camera.translation = scale * cameras[i].translation;
   notes.push_back("normalized: " + formatted("%.6g", scale) + " times as large, about " + formatted("%.6g", origin.x) +
                   "," + formatted("%.6g", origin.y) + "," + formatted("%.6g", origin.z) +

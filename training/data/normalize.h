@@ -20,14 +20,15 @@ std::optional<double> spanOf(std::span<const Camera> views);
 // The point nearest to all optical axes in the least-squares sense, pulled a little to the views' mean. [world units]
 glm::dvec3 lookedAt(std::span<const Camera> views);
 
-// The median camera position, axis by axis: one far out does not move it. The entries' cameras have poses.
+// The median camera position, axis by axis: one far out does not move it. The entries' cameras have poses. Throws
+// Error(badData) for a camera that is 1e100 away or farther.
 glm::dvec3 middleOf(const std::vector<DatasetIndex::Entry>& entries);
 
 // Cameras get index.origin in their middle and are scaled: 1.1 * their median distance from there becomes
 // kNormalExtent, or more where the data set's own points would lie nearer than kNormalDepth. By all cameras that it
 // lists, whatever is held out, missing or left out. Of cameras at one place the median point is then kNormalExtent
 // away. Points, which are from index.origin, want the scale as well. The last of `notes` says how tgconvert brings a
-// model back.
+// model back. Throws Error(badData) where the scale is no normal number.
 Normalization normalize(DatasetIndex& index, std::vector<std::string>& notes);
 
 // A line each for a scene most of which is so near to its cameras that it is not drawn, and for one so far out that

@@ -244,3 +244,12 @@ TEST_CASE("cameras at one place but for rounding leave the scale to the points",
             "end_header\n2 0 -0.02\n");
   CHECK(normalized(folder.path).points.position.at(0).z == Approx(-tg::kNormalExtent));
 }
+
+TEST_CASE("cameras that doubles cannot normalize are named, not the points", "[dataset]") {
+  const tg::TemporaryFolder folder;
+  writeRing(folder / "far", 1e300, {});
+  CHECK_THAT(refusal([&] { normalized(folder / "far"); }),
+             Contains(".png: camera position out of range (expected -1e100 to 1e100, found "));
+  writeRing(folder / "near", 1e-310, {});
+  CHECK_THAT(refusal([&] { normalized(folder / "near"); }), Contains("too near each other or too far apart"));
+}
