@@ -20,6 +20,7 @@ namespace {
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
 constexpr std::size_t kMaxPathBytes = 4096;  // the system's
+constexpr double kRowTolerance = 1e-6;       // of what is 0, 0, 0, 1 in every matrix
 constexpr std::array<const char*, 10> kDistortion = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2"};
 constexpr std::array<const char*, 8> kExtensions = {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG"};
 
@@ -132,6 +133,16 @@ void setPose(const JsonNode& frame, Camera& camera) {
       } else {
         world_from_camera[column][row] = column == 0 ? value : -value;
       }
+    }
+  }
+  for (std::size_t column = 0; found->size() == 4 && column < 4; ++column) {
+    const nlohmann::json& row = found->back();
+    if (!row.is_array() || row.size() != 4) frame.fail("expected a 4 x 4 'transform_matrix'");
+    if (!row[column].is_number()) frame.fail("'transform_matrix' holds something that is not a number");
+    const double value = row[column].get<double>();
+    if (!(std::abs(value - (column == 3 ? 1 : 0)) <= kRowTolerance)) {
+      frame.fail("'transform_matrix' is not a rotation and a translation (expected a last row of 0, 0, 0, 1, found " +
+                 shown(value) + " in column " + std::to_string(column + 1) + ")");
     }
   }
   if (!(skewOf(world_from_camera) < 1e-2) || glm::determinant(world_from_camera) <= 0) {
