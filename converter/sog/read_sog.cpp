@@ -33,8 +33,12 @@ constexpr std::uint64_t kMostBytesPerPixel = 8;                     // lossless,
 
 class SogReader {
  public:
-  SogReader(SogFiles files, const std::string& path)
-      : path_(path), files_(std::move(files)), json_(parseJson(files_("meta.json", kMaxMetaBytes), path)) {
+  // place: what messages call meta.json behind the path, where that does not name it.
+  SogReader(SogFiles files, const std::string& path, std::string place)
+      : path_(path),
+        place_(std::move(place)),
+        files_(std::move(files)),
+        json_(parseJson(files_("meta.json", kMaxMetaBytes), path)) {
     const JsonNode meta = root().object();
     if (!meta.has("version")) meta.fail("has no version (SOG version 1 is not supported, expected version 2)");
     meta.integer("version", sog::kVersion, sog::kVersion);
@@ -63,7 +67,7 @@ class SogReader {
   }
 
  private:
-  JsonNode root() const { return {json_, path_, "meta.json"}; }
+  JsonNode root() const { return {json_, path_, place_}; }
 
   // File `index` of the `files` that `node` lists.
   // `expected`: pixels that are known not to be too many, as decodeWebp() has it.
@@ -288,6 +292,7 @@ class SogReader {
   }
 
   const std::string& path_;
+  const std::string place_;
   const SogFiles files_;
   nlohmann::json json_;
   std::size_t count_ = 0;
@@ -298,7 +303,8 @@ class SogReader {
 
 Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bool base_only) {
   const ZipReader zip(bytes, path);
-  SogReader reader([&](const std::string& name, std::uint64_t most) { return zip.read(name, most); }, path);
+  SogReader reader([&](const std::string& name, std::uint64_t most) { return zip.read(name, most); }, path,
+                   "meta.json");
   if (reader.count() > kCountAlwaysAllowed && reader.count() / kMostPerByte > bytes.size()) {
     throw Error(ErrorKind::badData, path,
                 "meta.json: too many Gaussians for a file of " + std::to_string(bytes.size()) + " bytes (found " +
@@ -308,7 +314,7 @@ Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bo
 }
 
 Bundle parseSogFiles(const SogFiles& files, const std::string& path, std::uint64_t most, bool base_only) {
-  SogReader reader(files, path);
+  SogReader reader(files, path, "");
   if (reader.count() > most) {
     throw Error(ErrorKind::badData, path, "too many Gaussians" + atMost(most, reader.count()));
   }

@@ -160,6 +160,15 @@ TEST_CASE("SOG: an image takes no more memory than its Gaussians want") {
   CHECK(refusal("l.webp", encodeWebp(BytePixels(2000, 2000))) == "accepted");
 }
 
+TEST_CASE("SOG: what is wrong in meta.json of a folder is told without naming it twice") {
+  const auto files = [](const std::string&, std::uint64_t) {
+    const std::string text = R"({"version": 2, "count": 2, "means": 7})";
+    return std::vector<std::uint8_t>(text.begin(), text.end());
+  };
+  CHECK(test::messageOf([&] { parseSogFiles(files, "lod/0/0_0/meta.json", 10); }) ==
+        "lod/0/0_0/meta.json: /means: wrong type (expected an object, found 7)");
+}
+
 TEST_CASE("SOG: a codebook of 256 values that lacks its first has one step before the others") {
   const Scratch scratch;
   SogParts parts;
