@@ -13,6 +13,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "core/bundle/colmap_camera.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
 #include "core/system/shortened.h"
@@ -29,27 +30,6 @@ constexpr std::size_t kPieceBytes = std::size_t{1} << 20;
 constexpr std::size_t kMaxLineBytes = std::size_t{1} << 28;  // 2D points of one image: millions
 constexpr std::size_t kMaxNameBytes = 4096;
 constexpr std::uint64_t kLeastImageBytes = 73;  // in images.bin: without a name, without points
-
-// COLMAP's camera models by id. `parameters` are, in the file's order: f one focal length, x and y two, c the principal
-// point, then Lens's k, d, p, t in their order, o the FOV model's angle.
-struct CameraModel {
-  const char* name;
-  const char* parameters;  // null: not supported
-  std::size_t count;
-  bool fisheye = false;
-};
-constexpr std::array<CameraModel, 12> kCameraModels = {{{"SIMPLE_PINHOLE", "fcc", 3},
-                                                        {"PINHOLE", "xycc", 4},
-                                                        {"SIMPLE_RADIAL", "fcck", 4},
-                                                        {"RADIAL", "fcckk", 5},
-                                                        {"OPENCV", "xycckkpp", 8},
-                                                        {"OPENCV_FISHEYE", "xycckkkk", 8, true},
-                                                        {"FULL_OPENCV", "xycckkppkddd", 12},
-                                                        {"FOV", "xycco", 5},
-                                                        {"SIMPLE_RADIAL_FISHEYE", "fcck", 4, true},
-                                                        {"RADIAL_FISHEYE", "fcckk", 5, true},
-                                                        {"THIN_PRISM_FISHEYE", "xycckkppkktt", 12, true},
-                                                        {"RAD_TAN_THIN_PRISM_FISHEYE", nullptr, 16, true}}};
 
 // A camera with its lens.
 struct ColmapCamera {
@@ -68,7 +48,7 @@ struct ColmapImage {
   throw Error(ErrorKind::badData, path.string(), what);
 }
 
-void setParameters(const CameraModel& model, std::span<const double> values, ColmapCamera& result) {
+void setParameters(const ColmapCameraModel& model, std::span<const double> values, ColmapCamera& result) {
   Camera& camera = result.camera;
   Lens& lens = result.lens;
   lens.model = model.name;
@@ -89,14 +69,14 @@ void setParameters(const CameraModel& model, std::span<const double> values, Col
 
 std::string supportedModels() {
   std::string names;
-  for (const CameraModel& model : kCameraModels) {
+  for (const ColmapCameraModel& model : kColmapCameraModels) {
     if (model.parameters) names += (names.empty() ? "" : ", ") + std::string(model.name);
   }
   return names;
 }
 
-ColmapCamera makeCamera(const fs::path& path, const std::string& label, const CameraModel& model, std::uint64_t width,
-                        std::uint64_t height, std::span<const double> parameters) {
+ColmapCamera makeCamera(const fs::path& path, const std::string& label, const ColmapCameraModel& model,
+                        std::uint64_t width, std::uint64_t height, std::span<const double> parameters) {
   if (!model.parameters) {
     fail(path, label + ": camera model " + model.name + " is not supported (expected one of " + supportedModels() +
                    "): run `colmap image_undistorter` first");
@@ -273,12 +253,12 @@ Cameras readCamerasBinary(const fs::path& path) {
     const auto width = reader.read<std::uint64_t>("a camera");
     const auto height = reader.read<std::uint64_t>("a camera");
     const std::string label = "camera " + std::to_string(id);
-    if (model < 0 || model >= static_cast<int>(kCameraModels.size())) {
+    if (model < 0 || model >= static_cast<int>(kColmapCameraModels.size())) {
       fail(path, label + ": unknown camera model " + std::to_string(model));
     }
-    std::vector<double> parameters(kCameraModels[model].count);
+    std::vector<double> parameters(kColmapCameraModels[model].count);
     for (double& value : parameters) value = reader.read<double>("a camera's parameters");
-    cameras[id] = makeCamera(path, label, kCameraModels[model], width, height, parameters);
+    cameras[id] = makeCamera(path, label, kColmapCameraModels[model], width, height, parameters);
   }
   return cameras;
 }
@@ -293,8 +273,8 @@ Cameras readCamerasText(const fs::path& path) {
     const auto width = lines.read<std::uint64_t>("a width");
     const auto height = lines.read<std::uint64_t>("a height");
     const std::string label = "camera " + std::to_string(id);
-    const auto known = std::ranges::find(kCameraModels, model, &CameraModel::name);
-    if (known == kCameraModels.end()) fail(path, label + ": unknown camera model " + shortened(model));
+    const auto known = std::ranges::find(kColmapCameraModels, model, &ColmapCameraModel::name);
+    if (known == kColmapCameraModels.end()) fail(path, label + ": unknown camera model " + shortened(model));
     cameras[id] = makeCamera(path, label, *known, width, height, lines.readRest());
   }
   return cameras;

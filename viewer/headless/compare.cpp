@@ -51,7 +51,7 @@ std::pair<ResampledPhotograph, std::string> photographOf(const ViewOptions& opti
   if (file.empty()) {
     throw Error(ErrorKind::cannotRead, options.photographs.string(), "holds no photograph \"" + taken.name + "\"");
   }
-  return {resampled(readPhotograph(file), taken, view, background), file.string()};
+  return {resampled(readForComparison(file), taken, view, background), file.string()};
 }
 
 }  // namespace

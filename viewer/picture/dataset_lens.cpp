@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/bundle/colmap_camera.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
@@ -24,28 +25,10 @@ namespace {
 
 constexpr std::uint64_t kMaxDescriptionBytes = std::uint64_t{256} << 20;
 
-// COLMAP's camera models by id: how many parameters each has, and how many of them a pinhole has, too.
-struct ColmapModel {
-  std::string_view name;
-  std::size_t count, of_pinhole;
-  bool fisheye = false;
-};
-constexpr std::array<ColmapModel, 12> kColmapModels = {{{"SIMPLE_PINHOLE", 3, 3},
-                                                        {"PINHOLE", 4, 4},
-                                                        {"SIMPLE_RADIAL", 4, 3},
-                                                        {"RADIAL", 5, 3},
-                                                        {"OPENCV", 8, 4},
-                                                        {"OPENCV_FISHEYE", 8, 4, true},
-                                                        {"FULL_OPENCV", 12, 4},
-                                                        {"FOV", 5, 4},
-                                                        {"SIMPLE_RADIAL_FISHEYE", 4, 3, true},
-                                                        {"RADIAL_FISHEYE", 5, 3, true},
-                                                        {"THIN_PRISM_FISHEYE", 12, 4, true},
-                                                        {"RAD_TAN_THIN_PRISM_FISHEYE", 16, 4, true}}};
-
-bool bends(const ColmapModel& model, std::span<const double> parameters) {
+bool bends(const ColmapCameraModel& model, std::span<const double> parameters) {
   if (model.fisheye) return true;
-  const std::span<const double> lens = parameters.subspan(std::min(model.of_pinhole, parameters.size()));
+  const std::size_t of_pinhole = std::string_view(model.parameters).find_last_of("fxyc") + 1;
+  const std::span<const double> lens = parameters.subspan(std::min(of_pinhole, parameters.size()));
   return std::ranges::any_of(lens, [](double coefficient) { return coefficient != 0; });
 }
 
@@ -56,8 +39,8 @@ bool anyBendsBinary(std::span<const std::uint8_t> bytes) {
   while (at + kHead <= bytes.size()) {
     std::int32_t id = 0;
     std::memcpy(&id, bytes.data() + at + kModel, sizeof id);
-    if (id < 0 || id >= static_cast<std::int32_t>(kColmapModels.size())) return false;
-    const ColmapModel& model = kColmapModels[static_cast<std::size_t>(id)];
+    if (id < 0 || id >= static_cast<std::int32_t>(kColmapCameraModels.size())) return false;
+    const ColmapCameraModel& model = kColmapCameraModels[static_cast<std::size_t>(id)];
     std::vector<double> parameters(model.count);
     const std::size_t size = parameters.size() * sizeof(double);
     at += kHead;
@@ -79,38 +62,44 @@ bool anyBendsText(std::span<const std::uint8_t> bytes) {
     if (!(words >> id >> name >> width >> height) || id.starts_with('#')) continue;
     std::vector<double> parameters;
     for (double value = 0; words >> value;) parameters.push_back(value);
-    const auto model = std::ranges::find(kColmapModels, name, &ColmapModel::name);
-    if (model != kColmapModels.end() && bends(*model, parameters)) return true;
+    const auto model = std::ranges::find(kColmapCameraModels, name, &ColmapCameraModel::name);
+    if (model != kColmapCameraModels.end() && bends(*model, parameters)) return true;
   }
   return false;
 }
 
-// The intrinsics at the top of transforms.json, or a frame's own.
-bool anyBends(const nlohmann::json& intrinsics) {
-  if (!intrinsics.is_object()) return false;
-  const auto isFisheye = [&](const char* key) { return intrinsics.contains(key) && intrinsics[key] == true; };
-  if (isFisheye("is_fisheye") || intrinsics.value("camera_model", nlohmann::json()) == "OPENCV_FISHEYE") return true;
-  return std::ranges::any_of(std::array{"k1", "k2", "k3", "k4", "p1", "p2"}, [&](const char* key) {
-    return intrinsics.contains(key) && intrinsics[key].is_number() && intrinsics[key] != 0;
-  });
+// A key of a frame, or else of all of them; null where neither has it.
+nlohmann::json said(const nlohmann::json& top, const nlohmann::json& frame, const char* key) {
+  for (const nlohmann::json* object : {&frame, &top}) {
+    const auto found = object->find(key);
+    if (found != object->end() && !found->is_null()) return *found;
+  }
+  return nullptr;
 }
 
 bool anyBendsJson(std::span<const std::uint8_t> bytes, const std::string& path) {
-  const nlohmann::json transforms = parseJson(bytes, path);
-  if (anyBends(transforms)) return true;
-  const nlohmann::json frames =
-      transforms.is_object() ? transforms.value("frames", nlohmann::json()) : nlohmann::json();
-  return std::any_of(frames.begin(), frames.end(), anyBends);
+  const nlohmann::json top = parseJson(bytes, path);
+  const nlohmann::json frames = top.is_object() ? top.value("frames", nlohmann::json()) : nlohmann::json();
+  if (!frames.is_array()) return false;
+  return std::ranges::any_of(frames, [&](const nlohmann::json& frame) {
+    if (!frame.is_object()) return false;
+    const nlohmann::json model = said(top, frame, "camera_model");
+    if (model.is_null() ? said(top, frame, "is_fisheye") == true : model == "OPENCV_FISHEYE") return true;
+    return std::ranges::any_of(std::array{"k1", "k2", "k3", "k4", "p1", "p2"}, [&](const char* key) {
+      const nlohmann::json coefficient = said(top, frame, key);
+      return coefficient.is_number() && coefficient != 0;
+    });
+  });
 }
 
 }  // namespace
 
 bool hasLens(const fs::path& dataset) {
-  for (const char* name : {"sparse/0/cameras.bin", "sparse/0/cameras.txt", "sparse/cameras.bin", "sparse/cameras.txt",
-                           "transforms.json", "transforms_train.json"}) {
+  for (const char* name :
+       {"sparse/0/cameras.bin", "sparse/0/cameras.txt", "sparse/cameras.bin", "sparse/cameras.txt",
+        "transforms_train.json", "transforms.json", "colmap/sparse/0/cameras.bin", "colmap/sparse/0/cameras.txt"}) {
     const fs::path file = dataset / name;
-    std::error_code ignored;
-    if (!fs::is_regular_file(file, ignored)) continue;
+    if (!isFile(file)) continue;
     try {
       const std::vector<std::uint8_t> bytes = readFile(file, kMaxDescriptionBytes);
       if (file.extension() == ".bin") return anyBendsBinary(bytes);

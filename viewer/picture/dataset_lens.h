@@ -5,8 +5,9 @@
 
 namespace tg {
 
-// Whether a camera of the data set in that folder has a lens: of COLMAP's sparse/ where there is one, else of
-// transforms.json or transforms_train.json. False where neither is there or can be read.
+// Whether a camera of the data set in that folder has a lens: of COLMAP's sparse/0 or sparse where there is one, else
+// of transforms_train.json or transforms.json, else of colmap/sparse/0. False where none is there or can be read, so of
+// models in sparse/1 and later ones alone.
 bool hasLens(const std::filesystem::path& dataset);
 
 }  // namespace tg

@@ -214,7 +214,7 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
   } else {
     if (!photograph_) {
       try {
-        photograph_ = std::make_shared<const Image>(readPhotograph(other.photograph));
+        photograph_ = std::make_shared<const Image>(readForComparison(other.photograph));
       } catch (const Error& error) {
         picture.problem = error.what();
         return;

@@ -103,7 +103,7 @@ std::filesystem::path Photographs::find(const Camera& camera) const {
   return folder_ / *best;
 }
 
-Image readPhotograph(const fs::path& file) {
+Image readForComparison(const fs::path& file) {
   Image photograph = readImage(file);
   for (float& value : photograph.data) value = value > 0 ? std::min(value, 1.0f) : 0.0f;  // one that is none is not
   return photograph;

@@ -41,6 +41,6 @@ constexpr int kMaxPhotographFolders = 4;
 
 // As training takes it: an EXR's numbers below 0 and those that are none are 0, those above 1 are 1. Throws what
 // readImage throws.
-Image readPhotograph(const std::filesystem::path& file);
+Image readForComparison(const std::filesystem::path& file);
 
 }  // namespace tg

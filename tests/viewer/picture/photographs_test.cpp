@@ -100,7 +100,7 @@ TEST_CASE("photographs may be EXR whose numbers are display colours from 0 to 1"
   image.data[2] = std::numeric_limits<float>::quiet_NaN();
   writeImage(folder / "a.exr", image);
   CHECK(foundIn(folder, "a.exr") == "a.exr");
-  CHECK(readPhotograph(folder / "a.exr").data == std::vector<float>{0, 1, 0, 0.5f, 0.5f, 0.5f});
+  CHECK(readForComparison(folder / "a.exr").data == std::vector<float>{0, 1, 0, 0.5f, 0.5f, 0.5f});
 }
 
 TEST_CASE("the photographs of a block are those of its data set") {
@@ -127,18 +127,29 @@ TEST_CASE("a data set whose cameras have a lens is told by their files") {
   };
   CHECK_FALSE(haveLens());
   for (const auto& [text, lens] : std::initializer_list<std::pair<const char*, bool>>{
-           {R"({"k1": 0.2, "frames": []})", true},
+           {R"({"k1": 0.2, "frames": [{}]})", true},
            {R"({"k1": 0, "p1": 0.0, "camera_model": "OPENCV", "frames": [{"k1": null}]})", false},
+           {R"({"k1": 0.2, "frames": [{"k1": 0}]})", false},
            {R"({"frames": [{}, {"p2": -0.001}]})", true},
-           {R"({"camera_model": "OPENCV_FISHEYE"})", true},
-           {R"({"is_fisheye": true})", true},
+           {R"({"camera_model": "OPENCV_FISHEYE", "frames": [{}]})", true},
+           {R"({"camera_model": "OPENCV_FISHEYE", "frames": [{"camera_model": "PINHOLE"}]})", false},
+           {R"({"is_fisheye": true, "frames": [{}]})", true},
+           {R"({"is_fisheye": true, "camera_model": "OPENCV", "frames": [{}]})", false},
+           {R"({"k1": 0.2, "frames": [1, []]})", false},
+           {R"({"k1": 0.2, "frames": 3})", false},
            {"[1]", false},
            {"{", false}}) {
     CAPTURE(text);
     write("transforms.json", text);
     CHECK(haveLens() == lens);
   }
-  write("transforms.json", R"({"k1": 0.2})");
+  write("colmap/sparse/0/cameras.txt", "1 SIMPLE_RADIAL 640 480 500 320 240 0.05\n");
+  CHECK_FALSE(haveLens());  // nerfstudio made the transforms.json of it
+  std::filesystem::remove(folder / "transforms.json");
+  CHECK(haveLens());
+  write("transforms.json", R"({"frames": [{}]})");
+  write("transforms_train.json", R"({"k1": 0.2, "frames": [{}]})");
+  CHECK(haveLens());
   for (const auto& [text, lens] : std::initializer_list<std::pair<const char*, bool>>{
            {"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 SIMPLE_PINHOLE 640 480 500 320 240\n", false},
            {"1 PINHOLE 640 480 500 500 320 240\n2 SIMPLE_RADIAL 640 480 500 320 240 0.05\n", true},
