@@ -304,7 +304,7 @@ void addSizes(CLI::App& app, Arguments& arguments) {
   CLI::Option* target_size =
       tg::addBytes(
           app, "--target-size", arguments.options.target.bytes,
-          "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB (of 1,000 bytes), 1.5MB")
+          "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB (900,000 bytes), 1.5MB")
           ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target.psnr,
                  "sog, glb, gltf, html: the coarsest steps with which pictures are so near to the source's [dB]")

@@ -39,7 +39,7 @@ Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOp
     if (chosen.empty()) throw tg::Error(tg::ErrorKind::usage, own->name, "has no photographs of this split");
     std::vector<tg::Camera> views;
     for (const std::size_t view : chosen) views.push_back(own->views[view]);
-    evaluation.warnings = tg::notesOnViews(trained, own->name, own->normalized.has_value(), views);
+    evaluation.warnings = tg::notesOnViews(trained, own->name, own->normalized.has_value(), "normalize", views);
   });
   std::vector<tg::ViewScore> scores;
   for (const std::size_t view : chosen) {

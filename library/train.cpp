@@ -6,11 +6,13 @@
 #include <iterator>
 #include <map>
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "core/system/nearest_name.h"
 #include "library/access.h"
 #include "training/run/trainer.h"
+#include "training/score/trained_on.h"
 #include "training/settings/idle.h"
 
 namespace textured_gaussians {
@@ -71,9 +73,14 @@ std::vector<std::string> warningsOf(const TrainOptions& options, const std::opti
   return warnings;
 }
 
-std::optional<tg::GaussianModel> startOf(const std::optional<Model>& start) {
+std::optional<tg::GaussianModel> startOf(const std::optional<Model>& start, const tg::Dataset& data) {
   if (!start) return std::nullopt;
-  return Access::bundle(*start)->model;
+  const std::shared_ptr<const tg::Bundle> bundle = Access::bundle(*start);
+  const std::string other = tg::otherWorld(tg::trainedOn(*bundle), data.normalized.has_value(), "normalize");
+  if (!other.empty()) {
+    throw tg::Error(tg::ErrorKind::usage, "start", "the model " + other + " (expected both of one world)");
+  }
+  return bundle->model;
 }
 
 }  // namespace
@@ -81,7 +88,7 @@ std::optional<tg::GaussianModel> startOf(const std::optional<Model>& start) {
 struct Trainer::Parts {
   Parts(const Dataset& dataset, const TrainOptions& options, const std::optional<Model>& start)
       : data(Access::dataset(dataset)),
-        trainer(*data, settingsOf(options, start), *renderer, startOf(start)),
+        trainer(*data, settingsOf(options, start), *renderer, startOf(start, *data)),
         warnings(warningsOf(options, start, trainer.settings())) {}
 
   std::shared_ptr<const tg::Dataset> data;

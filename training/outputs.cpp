@@ -2,14 +2,17 @@
 // Owns each file of a run before it is written, so that who is killed meanwhile finds it again.
 #include "training/outputs.h"
 
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "converter/registry/file_format.h"
 #include "core/file/atomic_files.h"
 #include "core/system/error.h"
+#include "training/plan.h"
 
 namespace tg {
 namespace fs = std::filesystem;
@@ -202,6 +205,21 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
   }
 }
 
+// What leaves the file smaller than was asked: fewer than were planned for it.
+void TrainingOutputs::sayIfFewGrew(const TrainReport& report, const std::string& file) const {
+  constexpr double kFull = 0.98;  // of the Gaussians, of the size: what --target-size comes within
+  const auto lacks = [](auto part, auto whole) {
+    return static_cast<double>(part) < kFull * static_cast<double>(whole);
+  };
+  const bool grows = settings_.iterations > 0 && settings_.densification != Densification::none;
+  const std::size_t grown = report.plain.gaussians, planned = settings_.gaussians;
+  if (report.interrupted || !grows || grown == 0 || !plansCount(options_, settings_) || !lacks(grown, planned)) return;
+  std::error_code unknown;
+  const std::uintmax_t bytes = fs::file_size(file, unknown);
+  if (unknown || !lacks(bytes, options_.target_bytes)) return;
+  std::printf("%zu of %zu planned Gaussians grew: more iterations may fill the file\n", grown, planned);
+}
+
 void TrainingOutputs::say(const TrainReport& report) const {
   const std::string name = options_.output.empty() ? run_->model().string() : options_.output;
   std::fputs(formatSummary(report, json_.total_seconds).c_str(), stdout);
@@ -211,14 +229,7 @@ void TrainingOutputs::say(const TrainReport& report) const {
     const std::string facts = written_.empty() ? "(" + std::to_string(fs::file_size(name)) + " bytes)" : written_;
     std::printf("%s%s %s\n", report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(), facts.c_str());
   }
-  // What leaves the file smaller than was asked: fewer than it has room for.
-  const bool grows = settings_.iterations > 0 && settings_.densification != Densification::none;
-  const std::size_t grown = report.plain.gaussians;
-  constexpr double kFull = 0.98;  // of the size
-  if (options_.target_bytes > 0 && !report.interrupted && grows && grown > 0 && grown < settings_.gaussians &&
-      static_cast<double>(fs::file_size(name)) < kFull * static_cast<double>(options_.target_bytes)) {
-    std::printf("%zu of %zu planned Gaussians grew: more iterations fill the file\n", grown, settings_.gaussians);
-  }
+  sayIfFewGrew(report, name);
   if (untextured_) std::printf("wrote %s, without textures\n", options_.untextured_output.c_str());
   if (run_ && report.interrupted) {
     std::printf("%s goes on from %s\n", sameCommand().c_str(), run_->checkpoint().c_str());

@@ -31,6 +31,7 @@ class TrainingOutputs {
 
  private:
   std::string finishRun(const Trainer& trainer);
+  void sayIfFewGrew(const TrainReport& report, const std::string& file) const;
   std::string sameCommand() const;
   Error whyUnfinished() const;
   template <typename Write>

@@ -183,4 +183,8 @@ std::string planRecipe(const TrainFlags& options, std::uint64_t training_pixels,
   return said;
 }
 
+bool plansCount(const TrainFlags& options, const TrainSettings& settings) {
+  return options.target_bytes > 0 && !givenOneOf(options, settings, {"gaussians", "percent"});
+}
+
 }  // namespace tg

@@ -16,4 +16,7 @@ namespace tg {
 std::string planRecipe(const TrainFlags& options, std::uint64_t training_pixels, const GaussianModel* start,
                        bool shares, TrainSettings& settings);
 
+// Whether the count of Gaussians in `settings`, which planRecipe() has been through, is planned for a size.
+bool plansCount(const TrainFlags& options, const TrainSettings& settings);
+
 }  // namespace tg

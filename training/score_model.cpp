@@ -30,7 +30,7 @@ EvalScene readEvalScene(const std::string& path, bool quiet) {
 
 void warnOfOtherViews(const std::string& path, const EvalScene& scene, const Dataset& dataset) {
   for (const std::string& note :
-       notesOnViews(scene.trained, dataset.name, dataset.normalized.has_value(), dataset.views)) {
+       notesOnViews(scene.trained, dataset.name, dataset.normalized.has_value(), "--normalize", dataset.views)) {
     std::fprintf(stderr, "tgeval: %s\n", printable(path + ": " + note).c_str());
   }
 }

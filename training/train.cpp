@@ -366,7 +366,7 @@ std::optional<Bundle> checkTraining(const TrainFlags& options, bool together) {
     throw Error(ErrorKind::cannotRead, options.context, "no such file");
   }
   std::optional<Bundle> start = startModel(options);
-  const std::string other = start ? otherWorld(trainedOn(*start), options.data.normalize) : "";
+  const std::string other = start ? otherWorld(trainedOn(*start), options.data.normalize, "--normalize") : "";
   if (!other.empty()) throw Error(ErrorKind::usage, options.start_model, other + " (expected both of one world)");
   const GaussianModel* model = start ? &start->model : nullptr;
   planRecipe(options, 0, model, !together, settings);

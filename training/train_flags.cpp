@@ -103,7 +103,7 @@ void addTrainingOptions(CLI::App& app, TrainFlags& options) {
       ->configurable(false)
       ->type_name("FILE");
   addBytes(app, "--target-size", options.target_bytes,
-           "Of a .sog or .glb: at most so many bytes, 900KB (of 1,000) or 1.5MB; chooses counts that nobody named")
+           "Of a .sog or .glb: at most so many bytes, 900KB (900,000) or 1.5MB; chooses counts that nobody named")
       ->configurable(false);
   app.add_option("--steps", options.steps,
                  "Of a .sog or .glb: so many times as wide are the steps of its numbers (tgconvert --steps)")

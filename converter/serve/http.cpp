@@ -6,8 +6,11 @@
 
 #include <atomic>
 #include <chrono>
+#include <functional>
+#include <memory>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "converter/serve/bounded_stream.h"
 #include "core/system/error.h"

@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/bundle/bundle.h"
 #include "library/access.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -474,6 +475,17 @@ TEST_CASE("an evaluation tells of a model of other photographs") {
   const Model model = Trainer(Dataset::load(folder / "scene"), {.settings = {{"iterations", "1"}}}).model();
   CHECK(evaluate(model, Dataset::load(folder / "other")).warnings ==
         std::vector<std::string>{"none of its 8 cameras is among the views of other: was it trained on others?"});
+  // Of a file that says in which world it was trained, as tgtrain's do.
+  tg::Bundle bundle = *Access::bundle(model);
+  bundle.training_json = R"({"dataset": {"normalized": null}})";
+  tg::writeBundle(folder / "told.tgz", bundle);
+  const Model told = Model::load(folder / "told.tgz");
+  const Dataset moved = Dataset::load(folder / "scene", {.normalize = true});
+  const std::string other = "was trained without normalize, and the data set is read with it";
+  CHECK(evaluate(told, moved).warnings == std::vector{other});
+  CHECK(messageOf([&] { Trainer(moved, {}, told); }, ErrorKind::usage) ==
+        "start: the model " + other + " (expected both of one world)");
+  CHECK_NOTHROW(Trainer(moved, {}, model));
   const Dataset smaller = Dataset::load(folder / "scene", {.downscale = 2});
   CHECK(evaluate(model, smaller).warnings ==
         std::vector<std::string>{"was trained on photographs of 32 x 32, and is scored on 16 x 16 (--downscale)"});

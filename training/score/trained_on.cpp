@@ -29,16 +29,16 @@ TrainedOn trainedOn(const Bundle& bundle) {
   return trained;
 }
 
-std::string otherWorld(const TrainedOn& trained, bool normalized) {
+std::string otherWorld(const TrainedOn& trained, bool normalized, const std::string& by) {
   if (!trained.normalized || trained.normalized->has_value() == normalized) return "";
-  return normalized ? "was trained without --normalize, and the data set is read with it"
-                    : "was trained with --normalize, and the data set is read without it";
+  return normalized ? "was trained without " + by + ", and the data set is read with it"
+                    : "was trained with " + by + ", and the data set is read without it";
 }
 
 std::vector<std::string> notesOnViews(const TrainedOn& trained, const std::string& dataset, bool normalized,
-                                      std::span<const Camera> views) {
+                                      const std::string& by, std::span<const Camera> views) {
   std::vector<std::string> notes;
-  if (const std::string other = otherWorld(trained, normalized); !other.empty()) return {other};
+  if (const std::string other = otherWorld(trained, normalized, by); !other.empty()) return {other};
   if (trained.cameras.empty()) return notes;
   // Edited models' cameras move with them, by computation.
   constexpr double kSame = 1e-6;

@@ -22,13 +22,13 @@ struct TrainedOn {
 TrainedOn trainedOn(const Bundle& bundle);
 
 // What sets the world of a model apart from that of a data set that is normalized or not, as the end of a sentence
-// about the model; "": nothing that is known.
-std::string otherWorld(const TrainedOn& trained, bool normalized);
+// about the model; "": nothing that is known. `by`: the option that normalizes, as the caller's user knows it.
+std::string otherWorld(const TrainedOn& trained, bool normalized, const std::string& by);
 
 // What to say of a model that is scored on `views` of a data set, which is normalized or not: that it is of another
 // world, was trained on other photographs, on such of another size, or on test views; a line each, without the
 // model's name.
 std::vector<std::string> notesOnViews(const TrainedOn& trained, const std::string& dataset, bool normalized,
-                                      std::span<const Camera> views);
+                                      const std::string& by, std::span<const Camera> views);
 
 }  // namespace tg

@@ -66,6 +66,7 @@ struct PicturePair {
   std::vector<std::uint8_t> mask;  // 0: the pixel does not count; empty: all do
 };
 
+// For the user, of a folder whose data set's cameras have a lens.
 inline constexpr const char* kLensNote =
     "photographs have a lens, the model's pictures have none: tgtrain undistort DATASET OUT makes ones to compare with";
 

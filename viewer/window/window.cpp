@@ -176,7 +176,7 @@ Viewer::Viewer(const ViewOptions& options, const WindowAdditions& additions)
       desktop_(options, glfwPostEmptyEvent),
       runs_(options, started_, script_.has_value()) {
   session_.start(state_);
-  if (!comparison_.withoutPhotographs().empty()) state_.messages.error = comparison_.withoutPhotographs();
+  if (state_.messages.error.empty()) state_.messages.error = comparison_.withoutPhotographs();
   if (script_) script_->error = state_.messages.error;
   if (!options.path.empty() && !options.benchmark) readPathFile(state_, options.path);
   state_.follow.active = options.follow;
