@@ -12,6 +12,9 @@ names() {  # PROGRAM FLAG: that it takes, of the old build, since both make them
   "$old/$1" --completion bash | sed -n "s/^ *$2) COMPREPLY=(\$(compgen -W '\([^']*\)'.*/\1/p"
 }
 
+formats=$(names tgconvert --to) shows=$(names tgview --show)
+[ -n "$formats" ] && [ -n "$shows" ] || { echo "compare_builds.sh: $old: the completions name no formats, no outputs" >&2; exit 1; }
+
 outputs() {  # PROGRAMS: everything into the working folder, by relative names, since some outputs hold the names
   local bin=$1 format backend show
   "$bin/tgtrain" make-sample scene --size 96 --views 24 --test-views 4 --overwrite
@@ -25,7 +28,7 @@ outputs() {  # PROGRAMS: everything into the working folder, by relative names, 
   "$bin/tgeval" model.tgz scene --images eval --side-by-side side --effective-rank --json eval.json > eval.txt
 
   local file
-  for format in $(names tgconvert --to) png; do
+  for format in $formats png; do
     file=model.$format
     case $format in *.json) mkdir -p "${format%.json}" && file=${format%.json}/$format ;; esac  # with parts beside it
     "$bin/tgconvert" model.tgz "$file" --overwrite > "convert_$format.txt"
@@ -44,7 +47,7 @@ outputs() {  # PROGRAMS: everything into the working folder, by relative names, 
   done
 
   for backend in cpu vulkan opengl; do
-    for show in $(names tgview --show); do
+    for show in $shows; do
       "$bin/tgview" model.tgz --render "$backend-$show.exr" --show "$show" --size 128x96 --backend "$backend" \
         > /dev/null 2>&1 || true
     done

@@ -82,13 +82,12 @@ class SogReader {
     const WebpHeader header = readWebpHeader(bytes, where);
     const std::size_t found = static_cast<std::size_t>(header.width) * static_cast<std::size_t>(header.height);
     if (found > most) throw Error(ErrorKind::badData, where, "too many pixels" + atMost(most, found));
-    BytePixels pixels = decodeWebp(bytes, where, expected);
-    if (pixels.size() < least) {
-      throw Error(ErrorKind::badData, where,
-                  "too few pixels (expected at least " + std::to_string(least) + ", found " +
-                      std::to_string(pixels.size()) + ")");
+    if (found < least) {
+      throw Error(
+          ErrorKind::badData, where,
+          "too few pixels (expected at least " + std::to_string(least) + ", found " + std::to_string(found) + ")");
     }
-    return pixels;
+    return decodeWebp(bytes, where, expected);
   }
 
   // An index beyond the list has its last value. A first value of null is one that a writer's bug left out: as in

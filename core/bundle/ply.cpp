@@ -102,7 +102,7 @@ PointCloud readPointCloudPly(const std::filesystem::path& path, const glm::dvec3
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), kMaxPlyHeaderBytes)));
   const std::size_t start = bytes.size();
   file.read(0, bytes);
-  // Before the rest is read, of which what follows the points is left out.
+  // Before the rest is read, of which what follows the points is left out where they are the last element.
   const std::uint64_t trailing = PlyVertices(bytes, file.size(), path.string(), "point").trailing();
   bytes.resize(static_cast<std::size_t>(file.size() - trailing));
   if (bytes.size() > start) file.read(start, std::span(bytes).subspan(start));

@@ -45,6 +45,18 @@ std::string placeOf(std::string_view text, std::size_t byte) {
   return before.size() < text.size() ? place : place + ", where it ends";
 }
 
+// Where `part` first stands beyond keys and strings; text.size() where it does not.
+std::size_t outsideStrings(std::string_view text, std::string_view part) {
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text.substr(i).starts_with(part)) return i;
+    if (text[i] != '"') continue;
+    for (++i; i < text.size() && text[i] != '"'; ++i) {
+      if (text[i] == '\\') ++i;
+    }
+  }
+  return text.size();
+}
+
 }  // namespace
 
 nlohmann::json parseJson(std::string_view text, const std::string& path, const JsonWords& words) {
@@ -64,8 +76,8 @@ nlohmann::json parseJson(std::string_view text, const std::string& path, const J
     const std::size_t quote = what.find('\'');
     const std::string number = quote == what.npos ? "" : what.substr(quote + 1, what.size() - quote - 2);
     throw Error(ErrorKind::badData, path,
-                std::string(words.broken) + placeOf(text, text.find(number) + 1) + ": number out of range" +
-                    expectedFound("at most 1.8e308", shortened(number, 20, 10)));
+                std::string(words.broken) + placeOf(text, outsideStrings(text, number) + 1) + ": number out of range" +
+                    expectedFound("a magnitude of at most 1.8e308", shortened(number, 20, 10)));
   } catch (const nlohmann::json::exception& e) {
     throw Error(ErrorKind::badData, path, std::string(words.broken) + shortened(e.what()));
   }

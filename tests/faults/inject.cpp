@@ -42,7 +42,7 @@ struct Kind {
 };
 Kind kinds[] = {{"memory", 0}, {"open", 0},   {"read", 0},   {"write", 0},
                 {"sync", 0},   {"rename", 0}, {"thread", 0}, {"kill", 0}};
-bool countsAll;
+bool counts_all;
 std::atomic<bool> failed;
 
 void tell(const char* text) {
@@ -55,7 +55,7 @@ void tell(const char* text) {
 
 bool isChosen(const char* of, const char* name) {
   if (!counting.load(std::memory_order_relaxed)) return false;
-  if (countsAll) {
+  if (counts_all) {
     for (Kind& each : kinds) each.calls += std::strcmp(each.name, of) == 0;
     return false;
   }
@@ -110,7 +110,7 @@ int (*program)(int, char**, char**);
 int countedMain(int argc, char** argv, char** environment) {
   if (const char* wish = std::getenv("TG_FAULT")) {
     std::sscanf(wish, "%15[^:]:%lu:%4095s", kind, &chosen, report);
-    countsAll = std::strcmp(kind, "all") == 0;
+    counts_all = std::strcmp(kind, "all") == 0;
     unsetenv("LD_PRELOAD");  // children are not meant
     takeGl();
     counting = true;
@@ -122,7 +122,7 @@ __attribute__((destructor)) void tellCount() {
   counting = false;
   if (report[0] == 0 || failed) return;
   char text[512];
-  if (countsAll) {
+  if (counts_all) {
     std::size_t length = 0;
     for (const Kind& each : kinds) {
       length += std::snprintf(text + length, sizeof text - length, "%s %lu\n", each.name, each.calls.load());

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <fstream>
 #include <stdexcept>
@@ -23,7 +24,8 @@ class AddressSpaceLimit {
   explicit AddressSpaceLimit(std::uint64_t bytes) {
     std::uint64_t pages = 0;
     if (!(std::ifstream("/proc/self/statm") >> pages) || ::getrlimit(RLIMIT_AS, &before_) != 0) fail();
-    const rlimit limit{pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) + bytes, before_.rlim_max};
+    const rlim_t most = pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) + bytes;
+    const rlimit limit{std::min({most, before_.rlim_cur, before_.rlim_max}), before_.rlim_max};
     if (::setrlimit(RLIMIT_AS, &limit) != 0) fail();
   }
   ~AddressSpaceLimit() { (void)::setrlimit(RLIMIT_AS, &before_); }

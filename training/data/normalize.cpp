@@ -120,7 +120,7 @@ glm::dvec3 middleOf(const std::vector<DatasetIndex::Entry>& entries) {
   if (entries.empty()) return middle;
   for (const DatasetIndex::Entry& entry : entries) {
     const glm::dvec3 position = entry.camera.position();
-    if (glm::length(position) <= kFarthestCamera) continue;
+    if (largestOf(position) <= kFarthestCamera) continue;
     throw Error(
         ErrorKind::badData, entry.image.string(),
         "camera position out of range" + expectedFound("-1e100 to 1e100", formatted("%g", largestOf(position))));
@@ -151,8 +151,7 @@ Normalization normalize(DatasetIndex& index, std::vector<std::string>& notes) {
   if (apart > (depth > 0 ? kTogetherOfDepth * depth : kTogether * farthest))
     scale = std::max(kNormalExtent / (1.1 * apart), by_points);
   if (!std::isnormal(scale) || !std::isnormal(1 / scale)) {
-    const std::string place = index.entries.empty() ? "the data set" : index.entries.front().image.string();
-    throw Error(ErrorKind::badData, place,
+    throw Error(ErrorKind::badData,
                 "cameras and points lie too near each other or too far apart to be normalized (they would be " +
                     formatted("%g", scale) + " times as large)");
   }

@@ -21,7 +21,7 @@ std::optional<double> spanOf(std::span<const Camera> views);
 glm::dvec3 lookedAt(std::span<const Camera> views);
 
 // The median camera position, axis by axis: one far out does not move it. The entries' cameras have poses. Throws
-// Error(badData) for a camera that is 1e100 away or farther.
+// Error(badData) for a camera with a coordinate beyond 1e100.
 glm::dvec3 middleOf(const std::vector<DatasetIndex::Entry>& entries);
 
 // Cameras get index.origin in their middle and are scaled: 1.1 * their median distance from there becomes

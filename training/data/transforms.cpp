@@ -2,6 +2,7 @@
 // transforms_train.json / transforms_test.json (NeRF-synthetic) and transforms.json (instant-ngp, nerfstudio).
 #include <algorithm>
 #include <array>
+#include <climits>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -19,8 +20,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
-constexpr std::size_t kMaxPathBytes = 4096;  // the system's
-constexpr double kRowTolerance = 1e-6;       // of what is 0, 0, 0, 1 in every matrix
+constexpr double kRowTolerance = 1e-3;  // of what is 0, 0, 0, 1 in every matrix: as rounded as the rest of it
 constexpr std::array<const char*, 10> kDistortion = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2"};
 constexpr std::array<const char*, 8> kExtensions = {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG"};
 
@@ -34,7 +34,7 @@ nlohmann::json readObject(const std::string& path) {
 bool isPath(const nlohmann::json& value) {
   if (!value.is_string()) return false;
   const std::string& text = value.get_ref<const std::string&>();
-  return text.size() <= kMaxPathBytes && text.find('\0') == text.npos;
+  return text.size() < PATH_MAX && text.find('\0') == text.npos;
 }
 
 std::string shown(double value) { return nlohmann::json(value).dump(); }
@@ -135,9 +135,9 @@ void setPose(const JsonNode& frame, Camera& camera) {
       }
     }
   }
-  for (std::size_t column = 0; found->size() == 4 && column < 4; ++column) {
-    const nlohmann::json& row = found->back();
-    if (!row.is_array() || row.size() != 4) frame.fail("expected a 4 x 4 'transform_matrix'");
+  const nlohmann::json& row = found->size() == 4 ? found->back() : nlohmann::json({0, 0, 0, 1});
+  if (!row.is_array() || row.size() != 4) frame.fail("expected a 4 x 4 'transform_matrix'");
+  for (std::size_t column = 0; column < 4; ++column) {
     if (!row[column].is_number()) frame.fail("'transform_matrix' holds something that is not a number");
     const double value = row[column].get<double>();
     if (!(std::abs(value - (column == 3 ? 1 : 0)) <= kRowTolerance)) {
@@ -222,7 +222,7 @@ std::set<std::string> fileList(const JsonNode& top, const fs::path& folder, cons
   if (list == top.value.end() || list->is_null()) return files;
   if (!list->is_array()) top.fail(std::string("'") + key + "' is not an array");
   for (const nlohmann::json& file : *list) {
-    if (!file.is_string()) top.fail(std::string("'") + key + "' holds something that is not a string");
+    if (!isPath(file)) top.fail(std::string("'") + key + "' holds something that is not a path");
     files.insert(placeOf(imagePath(folder, portable(folder, file.get<std::string>()))));
   }
   return files;

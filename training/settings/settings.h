@@ -20,7 +20,7 @@ constexpr auto namesOf(Densification) { return enumNames("none", "adc", "mcmc");
 // In what they differ beside their rounds (Trainer::densify).
 struct DensificationTraits {
   bool finds_count = false;         // without a limit it ends at a count, which percent may be a share of
-  bool needs_limit = false;         // it does not, and its rounds keep those that are seen most
+  bool needs_limit = false;         // without one it does not begin; its rounds keep those that are seen most
   bool heeds_limit_by = false;      // else no limit is kept by LimitBy
   bool resets_opacity = false;      // in rounds of their own
   bool gathers_statistics = false;  // of every step (DensityStatistics)

@@ -108,7 +108,7 @@ LoadedSession loadSession(const std::filesystem::path& file) {
   std::error_code ignored;
   if (file.empty() || !std::filesystem::exists(file, ignored)) return result;
   try {
-    const std::vector<std::uint8_t> bytes = readFile(file, kMaxSessionBytes);
+    const std::vector<std::uint8_t> bytes = readRegularFile(file, kMaxSessionBytes);
     result.session = parseSession(std::string(bytes.begin(), bytes.end()), file.string());
   } catch (const Error& error) {
     result.problem = std::string("The last session is lost: ") + error.what();

@@ -67,9 +67,12 @@ TEST_CASE("JSON that is broken or nests deeper than 64 levels is refused in the 
 
 TEST_CASE("a number beyond doubles in JSON is refused with its place") {
   CHECK(messageOf([&] { parseJson("{\n \"a\": [1, -1e999]}", "a"); }) ==
-        "a: not valid JSON: line 2, column 11: number out of range (expected at most 1.8e308, found -1e999)");
+        "a: not valid JSON: line 2, column 11: number out of range (expected a magnitude of at most 1.8e308, found "
+        "-1e999)");
+  CHECK_THAT(messageOf([&] { parseJson(R"({"1e999": "\"1e999", "a": 1e999})", "a"); }),
+             Contains("line 1, column 27: number"));
   const std::string digits(1'000'000, '9');
   CHECK(messageOf([&] { parseJson("[" + digits + "]", "a"); }) ==
-        "a: not valid JSON: line 1, column 2: number out of range (expected at most 1.8e308, found " +
+        "a: not valid JSON: line 1, column 2: number out of range (expected a magnitude of at most 1.8e308, found " +
             digits.substr(0, 20) + "..." + digits.substr(0, 10) + ")");
 }

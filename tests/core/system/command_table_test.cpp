@@ -26,10 +26,10 @@ TEST_CASE("a slip of a letter or two is the nearest name, what is far from all i
 
 TEST_CASE("a text that is far longer than all names is near none at once") {
   const std::vector<std::string> names = {"--textures", "--turntable", "--render", "check"};
-  const std::string text(10'000'000, 'x');
+  const std::string text(100'000'000, 'x');
   const std::clock_t before = std::clock();
   CHECK(nearestName(text, names).empty());
-  CHECK(std::clock() - before < CLOCKS_PER_SEC / 20);  // comparing all of them takes 20 times as long
+  CHECK(std::clock() - before < CLOCKS_PER_SEC);  // comparing all of them takes 20 times as long
 }
 
 TEST_CASE("an option's row knows its value, its choices, its range and its default") {
