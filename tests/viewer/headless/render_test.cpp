@@ -241,13 +241,13 @@ TEST_CASE("photographs with a lens are said to be no picture of a pinhole's") {
     return result.err;
   };
   with({"data/images/view1.png"});
-  shop.write("data/transforms.json", R"({"k1": 0.2, "frames": []})");
+  shop.write("data/transforms.json", R"({"k1": 0.2, "frames": [{}]})");
   const std::string warning =
       "data: warning: photographs have a lens, the model's pictures have none: tgtrain undistort DATASET OUT makes "
       "ones to compare with\n";
   CHECK(contains(with({"both.png", "--photos", "data"}), warning));
   CHECK_FALSE(contains(with({"both.png", "--photos", "data", "--quiet"}), warning));
-  shop.write("data/transforms.json", R"({"k1": 0, "frames": []})");
+  shop.write("data/transforms.json", R"({"k1": 0, "frames": [{}]})");
   CHECK_FALSE(contains(with({"both.png", "--photos", "data"}), warning));
 }
 
