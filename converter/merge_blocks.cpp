@@ -44,16 +44,20 @@ MergeReport mergeBlocks(const fs::path& blocks, const fs::path& models, const fs
 
   MergeReport report;
   Bundle merged;
+  merged.knows_background = false;
   std::set<std::tuple<std::string, bool, double, double, double>> cameras;  // by name and place
   for (std::size_t i = 0; i < scene.size(); ++i) {
     const std::string path = files[i].string();
     Bundle bundle = readModel(files[i]);
     for (const std::string& warning : bundle.warnings) report.warnings.push_back(path + ": " + warning);
     if (wasInterrupted(bundle.training_json)) report.warnings.push_back(path + ": " + kInterruptedTraining);
-    if (i > 0 && bundle.background != merged.background) {
-      throw Error(ErrorKind::badData, path, "has another background than the blocks before it");
+    if (bundle.knows_background) {
+      if (merged.knows_background && bundle.background != merged.background) {
+        throw Error(ErrorKind::badData, path, "has another background than the blocks before it");
+      }
+      merged.background = bundle.background;
+      merged.knows_background = true;
     }
-    merged.background = bundle.background;
     for (Camera& camera : bundle.cameras) {
       const glm::dvec3 at = camera.position();
       if (cameras.emplace(camera.name, camera.test, at.x, at.y, at.z).second)

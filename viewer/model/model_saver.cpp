@@ -17,6 +17,7 @@ Bundle bundleOf(const Scene& scene) {
   bundle.model = *scene.model;
   bundle.cameras = scene.cameras;
   bundle.background = scene.background;
+  bundle.knows_background = scene.knows_background;
   bundle.training_json = scene.training_json;
   bundle.views = scene.views;
   return bundle;

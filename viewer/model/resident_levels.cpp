@@ -202,6 +202,7 @@ Scene sceneOf(const OpenedLevels& opened, std::shared_ptr<const GaussianModel> m
   scene.path = path;
   scene.streamed_from = static_cast<std::size_t>(opened.scene.counts.front());
   scene.background = opened.scene.background.value_or(scene.background);
+  scene.knows_background = opened.scene.background.has_value();
   scene.cameras = opened.cameras;
   scene.up = sceneUp(opened.cameras);
   scene.warnings = opened.warnings;

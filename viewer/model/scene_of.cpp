@@ -35,6 +35,7 @@ Scene sceneOf(Bundle loaded, const std::filesystem::path& path) {
   scene.path = path;
   scene.format = std::move(loaded.format);
   scene.background = loaded.background;
+  scene.knows_background = loaded.knows_background;
   scene.warnings = std::move(loaded.warnings);
   scene.up = sceneUp(loaded.cameras);
   scene.cameras = std::move(loaded.cameras);

@@ -31,6 +31,7 @@ struct Scene {
   IntersectionModel intersection = IntersectionModel::maxResponse;
   TextureOutside outside = TextureOutside::base;
   glm::vec3 background{0.0f};
+  bool knows_background = true;  // false: a file does not say (Bundle::knows_background)
   std::vector<std::string> warnings;
   glm::dvec3 up{0, -1, 0};
   SceneBounds bounds;

@@ -4,13 +4,19 @@
 #include <array>
 #include <cmath>
 #include <ctime>
+#include <filesystem>
+#include <limits>
+#include <utility>
 
 #include "converter/edit/merge.h"
 #include "converter/edit/quality.h"
 #include "converter/edit/select.h"
 #include "converter/edit/transform.h"
 #include "converter/edits.h"
+#include "converter/merge_blocks.h"
+#include "converter/registry/file_format.h"
 #include "converter/scratch.h"
+#include "core/bundle/blocks.h"
 #include "core/bundle/bundle.h"
 #include "core/merge/decimate.h"
 #include "core/model/effective_rank.h"
@@ -18,6 +24,7 @@
 #include "core/model/texture_budget.h"
 #include "core/model/texture_fit.h"
 #include "core/model/verbs.h"
+#include "core/tiny_model.h"
 #include "render/contribution.h"
 #include "shared/texture.h"
 #include "support/catch.h"
@@ -26,6 +33,7 @@
 using namespace tg;
 using tg::test::Random;
 using tg::test::SceneKind;
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -607,4 +615,40 @@ TEST_CASE("resized and dropped textures look as much like the model as their siz
   for (std::size_t i = 0; i < rects.size(); ++i) {
     CHECK(mixed.atlas.rects[i].texelCount() == (rects[i].texelCount() == 0 ? 0u : 6u));
   }
+}
+
+TEST_CASE("blocks whose files say no background are merged with those that say one, and make none up") {
+  const Scratch scratch;
+  const fs::path blocks = scratch.folder() / "blocks", models = scratch.folder() / "models";
+  fs::create_directories(blocks);
+  constexpr double kRim = std::numeric_limits<double>::infinity();
+  writeBlocks(blocks, {{"west", {.low = {-kRim, -kRim}, .high = {0, kRim}}, 0.5},
+                       {"east", {.low = {0, -kRim}, .high = {kRim, kRim}}, 0.5}});
+  Bundle bundle;
+  bundle.model = tinyModel(40, 1);
+  bundle.background = glm::vec3(1.0f);
+  Written written;
+  // A file is what is in it: names of blocks' models end in .tgz.
+  const auto put = [&](const std::string& name, bool known) {
+    fs::create_directories(models);
+    const fs::path made = models / (name + (known ? ".made.tgz" : ".ply"));
+    writeModel(modelFormat(made), made, bundle, {}, written);
+    fs::rename(made, models / (name + ".tgz"));
+  };
+  for (const auto& [west, east] : {std::pair(false, true), {true, false}, {false, false}}) {
+    CAPTURE(west, east);
+    put("west", west);
+    put("east", east);
+    const fs::path output = scratch.folder() / "merged.glb";
+    mergeBlocks(blocks, models, output, true);
+    const Bundle merged = readModel(output);
+    CHECK(merged.knows_background == (west || east));
+    CHECK(merged.background == (west || east ? glm::vec3(1.0f) : glm::vec3(0.0f)));
+  }
+  put("west", true);
+  bundle.background = glm::vec3(0.0f);
+  put("east", true);
+  CHECK_THAT(
+      test::messageOf([&] { mergeBlocks(blocks, models, scratch.folder() / "merged.glb", true); }, ErrorKind::badData),
+      Contains("east.tgz: has another background than the blocks before it"));
 }

@@ -106,3 +106,18 @@ TEST_CASE("a saver that ends has written what it was asked for") {
   }
   for (int i = 0; i < 3; ++i) CHECK(isFile(folder / (std::to_string(i) + ".ply")));
 }
+
+TEST_CASE("a background that a model's file does not say is not made up in what is saved of it") {
+  const TemporaryFolder folder;
+  ModelSaver saver([] {});
+  for (const bool known : {true, false}) {
+    INFO(known);
+    Bundle bundle;
+    bundle.model = tinyTexturedModel(6);
+    bundle.knows_background = known;
+    const std::filesystem::path file = folder / (known ? "known.glb" : "unknown.glb");
+    saver.save(file, sceneOf(std::move(bundle), "tiny.ply"));
+    CHECK(next(saver).problem == "");
+    CHECK(readModel(file).knows_background == known);
+  }
+}
