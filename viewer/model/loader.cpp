@@ -2,6 +2,7 @@
 // The loader's thread: read, describe, hand over; a part of a large model first.
 #include "viewer/model/loader.h"
 
+#include <algorithm>
 #include <chrono>
 #include <new>
 #include <utility>
@@ -39,6 +40,10 @@ ModelLoader::Status ModelLoader::status() const {
   if (opened_.empty()) return {};
   const File& file = *opened_.front();
   return {file.path, file.done, file.total, opened_.size() - 1};
+}
+
+bool ModelLoader::reads(const std::filesystem::path& path) const {
+  return std::ranges::any_of(opened_, [&](const std::shared_ptr<File>& file) { return file->path == path; });
 }
 
 std::optional<ModelLoader::News> ModelLoader::take() {

@@ -195,7 +195,7 @@ bool OpenModels::takeLoaded(ViewerState& state) {
     if (!news) break;
     const int document = documentOf(state, news->path);
     if (document < 0 && closed_.contains(news->path)) {
-      if (!news->scene || !news->scene->partial) closed_.erase(news->path);
+      if (!loader_.reads(news->path)) closed_.erase(news->path);
       continue;
     }
     const bool shown = document >= 0 && document == state.documents.shown;
@@ -530,7 +530,7 @@ void OpenModels::close(ViewerState& state, int document) {
   std::vector<Document>& open = state.documents.open;
   if (isFollowed(state, document)) unfollow(state);
   const std::filesystem::path path = open[static_cast<std::size_t>(document)].path;
-  if (loader_.status().path == path) closed_.insert(path);
+  if (loader_.reads(path)) closed_.insert(path);
   std::erase_if(streams_, [&](const Stream& stream) { return documentOf(state, stream.streamer->path()) == document; });
   const int shown = state.documents.shown;
   if (shown == document) {

@@ -86,7 +86,7 @@ class OpenModels {
   bool compare_opened_ = false;             // --compare's model, which is not the one shown
   View adopted_view_;                       // of a part, to tell whether it has been moved
   std::filesystem::path left_;              // the model that was shown when the one opened last came
-  std::set<std::filesystem::path> closed_;  // while they were read: what comes of them is not wanted
+  std::set<std::filesystem::path> closed_;  // while they were to be read: what comes of them is not wanted
   double read_seconds_ = 0;
   std::uint64_t read_bytes_ = 0;
   const std::function<void()> wake_;
