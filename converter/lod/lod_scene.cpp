@@ -381,7 +381,10 @@ GaussianModel assembleLod(const LodScene& scene, std::span<const std::uint8_t> l
     model.intersection = from.intersection;
     model.outside = from.outside;
   });
-  if (!textured) model.intersection = scene.intersection;
+  if (!textured) {
+    model.intersection = scene.intersection;
+    model.outside = scene.outside;
+  }
   return model;
 }
 

@@ -355,6 +355,8 @@ void OpenModels::refine(ViewerState& state, int document, Scene scene) {
   held.texels = scene.texels;
   held.texture_mode = scene.texture_mode;
 }
+  held.intersection = scene.intersection;
+  held.outside = scene.outside;
 
 // The first model opens like any other; later ones change nothing but the model.
 bool OpenModels::takeFollowed(ViewerState& state) {

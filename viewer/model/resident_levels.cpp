@@ -109,6 +109,7 @@ void ResidentLevels::read(std::uint32_t file, std::span<const std::uint8_t> want
   part.path = scene_.path;
   part.files = {scene_.files[file]};
   part.intersection = scene_.intersection;
+  part.outside = scene_.outside;
   std::vector<std::pair<std::size_t, std::uint32_t>> kept;  // leaf, and where it begins in the piece
   std::uint32_t count = 0;
   for (std::size_t i = 0; i < wanted.size(); ++i) {
@@ -158,6 +159,7 @@ std::shared_ptr<const GaussianModel> ResidentLevels::joined(std::span<const std:
   LodScene parts;
   parts.path = scene_.path;
   parts.intersection = scene_.intersection;
+  parts.outside = scene_.outside;
   std::vector<const GaussianModel*> models;
   parts.leaves.reserve(levels.size());
   for (std::size_t i = 0; i < levels.size(); ++i) {

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <thread>
 
@@ -280,4 +281,32 @@ TEST_CASE("a scene comes over HTTP as from disk, and a file that the server lack
   CHECK(window.state.stream.lost == 1);
   CHECK_THAT(window.state.messages.error, Contains(lost + ": the server refuses it (expected 200, found 404)"));
   CHECK(window.state.scene.gaussians > small.scene.counts.front() / 2);
+}
+
+TEST_CASE("finer levels with textures are drawn as these are, whether lod-meta.json says so or its files alone") {
+  const TemporaryFolder folder;
+  const std::filesystem::path path = folder / "lod-meta.json";
+  Bundle bundle;
+  bundle.model = tinyTexturedModel(2000);
+  bundle.model.outside = TextureOutside::edge;
+  REQUIRE(bundle.model.intersection == IntersectionModel::plane);
+  writeLod(path, bundle, kSmallLevels);
+  const bool says = GENERATE(true, false);
+  CAPTURE(says);
+  if (!says) {
+    const std::vector<std::uint8_t> bytes = readFile(path, 1 << 24);
+    nlohmann::json meta = nlohmann::json::parse(bytes);
+    meta.erase("TG_levels_of_detail");
+    std::ofstream(path) << meta.dump();
+  }
+  const LodScene scene = readLodScene(path);
+  Window window(path, lookAt({0.2, 0.5, -3}, {0, 0, 0}, {0, -1, 0}, 0.8, 640, 480), scene.counts.front());
+  window.until([&] { return window.state.scene.model != nullptr; });
+  const Scene& shown = window.state.scene;
+  CHECK(shown.textured == 0);  // the coarsest level
+  CHECK((shown.outside == TextureOutside::edge) == says);
+  window.until([&] { return window.settled(); });
+  REQUIRE(shown.textured > 0);
+  CHECK(shown.outside == TextureOutside::edge);
+  CHECK(shown.intersection == IntersectionModel::plane);
 }
