@@ -266,13 +266,14 @@ bool OpenModels::takeStreamed(ViewerState& state) {
     std::optional<SceneStreamer::News> news = streams_[i].streamer->take();
     if (!news) continue;
     changed = true;
-    if (!news->failed) {
-      takeNews(state, streams_[i], *std::move(news));
-      continue;
-    }
-    // What is there of it stays.
+    const bool failed = news->failed;
+    const std::string problem = news->problem;
+    const int error_kind = news->error_kind;
+    if (news->scene || !failed) takeNews(state, streams_[i], *std::move(news));
+    if (!failed) continue;
+    // What is there of it stays, also what came together with the failure.
     streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i--));
-    takeFailure(state, news->problem, news->error_kind);
+    takeFailure(state, problem, error_kind);
   }
   return wish(state) || changed;
 }
@@ -354,9 +355,9 @@ void OpenModels::refine(ViewerState& state, int document, Scene scene) {
   held.textured = scene.textured;
   held.texels = scene.texels;
   held.texture_mode = scene.texture_mode;
-}
   held.intersection = scene.intersection;
   held.outside = scene.outside;
+}
 
 // The first model opens like any other; later ones change nothing but the model.
 bool OpenModels::takeFollowed(ViewerState& state) {

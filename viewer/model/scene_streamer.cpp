@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <new>
 #include <set>
 #include <utility>
@@ -22,10 +23,10 @@ constexpr std::chrono::milliseconds kModelPause(300);            // between two 
 constexpr std::chrono::milliseconds kLook(10);                   // between looks at the clock
 constexpr std::uint64_t kMostWaiting = std::uint64_t{64} << 20;  // [bytes] read ahead of the next model
 
-// Runs body(); what goes wrong goes into the news. False where there is nothing to tell: all went well, or was
-// cancelled.
+// Runs body(); what goes wrong with `name` goes into the news. False where there is nothing to tell: all went well, or
+// was cancelled.
 template <typename News, typename Body>
-bool findProblem(News& news, const std::string& no_memory, const Body& body) {
+bool findProblem(News& news, const std::string& name, const Body& body) {
   try {
     body();
     return false;
@@ -35,8 +36,11 @@ bool findProblem(News& news, const std::string& no_memory, const Body& body) {
     news.problem = error.what();
     news.error_kind = static_cast<int>(error.kind);
   } catch (const std::bad_alloc&) {
-    news.problem = no_memory;
+    news.problem = name + ": not enough memory";
     news.error_kind = static_cast<int>(ErrorKind::device);
+  } catch (const std::exception& error) {
+    news.problem = name + ": " + error.what();
+    news.error_kind = static_cast<int>(ErrorKind::badData);
   }
   return true;
 }
@@ -120,8 +124,8 @@ class SceneStreamer::Run {
     news.loading = opened_.scene.files[file];
     tell(news);
     news.loading.clear();
-    const std::string no_memory = streamer_.path_.string() + ": not enough memory for " + opened_.scene.files[file];
-    const bool told = findProblem(news, no_memory, [&] {
+    const std::string name = streamer_.path_.string() + ": " + opened_.scene.files[file];
+    const bool told = findProblem(news, name, [&] {
       resident_.read(file, wanted_);
       missing_.erase(missing_.begin());
     });
@@ -183,8 +187,7 @@ SceneStreamer::SceneStreamer(std::filesystem::path path, std::function<void()> w
       thread_(startWorker(news_, [this, wrap](const std::stop_token& stop) {
         News news;
         news.failed = true;
-        const bool told =
-            findProblem(news, path_.string() + ": not enough memory", [&] { Run(*this, stop, wrap).run(); });
+        const bool told = findProblem(news, path_.string(), [&] { Run(*this, stop, wrap).run(); });
         if (told) give(std::move(news));
       })) {}
 

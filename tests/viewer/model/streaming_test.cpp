@@ -7,6 +7,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <stdexcept>
 #include <thread>
 
 #include "converter/lod/write_lod.h"
@@ -309,4 +310,25 @@ TEST_CASE("finer levels with textures are drawn as these are, whether lod-meta.j
   REQUIRE(shown.textured > 0);
   CHECK(shown.outside == TextureOutside::edge);
   CHECK(shown.intersection == IntersectionModel::plane);
+}
+
+TEST_CASE("an error of any kind while a scene is streamed costs a file or the scene, never the window") {
+  const SmallScene small;
+  const std::string finest = small.scene.files[small.scene.leaves[0].levels[0].file];
+  const bool opens = GENERATE(true, false);
+  CAPTURE(opens);
+  Window window(small.path, small.camera, small.scene.counts.front(), [&](LodReader files) -> LodReader {
+    return [=](const std::string& relative, std::uint64_t most) {
+      if (!opens || relative.starts_with(finest)) throw std::length_error("far too long");
+      return files(relative, most);
+    };
+  });
+  if (opens) {
+    window.until([&] { return window.settled(); });
+    CHECK(window.state.stream.lost == 1);
+    CHECK(window.state.messages.error == small.path.string() + ": " + finest + ": far too long");
+  } else {
+    CHECK(messageOf([&] { window.until([] { return false; }); }, ErrorKind::badData) ==
+          small.path.string() + ": far too long");
+  }
 }
