@@ -42,7 +42,8 @@ std::string reasonOf(httplib::Error error) {
 
 class HttpReader::Client : public httplib::ClientImpl {
  public:
-  Client(const std::string& host, int port) : httplib::ClientImpl(host, port) {
+  Client(const std::string& host, int port, int stall_seconds)
+      : httplib::ClientImpl(host, port), stall_seconds_(stall_seconds) {
     set_keep_alive(true);
     set_decompress(false);
     set_connection_timeout(kConnectSeconds);
@@ -58,15 +59,17 @@ class HttpReader::Client : public httplib::ClientImpl {
     const StreamLimits limits{.most_read = most + most / 8 + kHeaderBytes,
                               .read_seconds = kFetchSeconds,
                               .write_seconds = kFetchSeconds,
-                              .read_stall_seconds = kFetchStallSeconds,
-                              .write_stall_seconds = kFetchStallSeconds,
+                              .read_stall_seconds = stall_seconds_,
+                              .write_stall_seconds = stall_seconds_,
                               .most_line = kLineBytes};
     BoundedStream stream(socket.sock, limits, [this] { return stop.stop_requested(); });
     return callback(stream);
   }
+
+  const int stall_seconds_;
 };
 
-HttpReader::HttpReader(const std::string& address) {
+HttpReader::HttpReader(const std::string& address, int stall_seconds) : stall_seconds_(stall_seconds) {
   if (!address.starts_with(kScheme)) refuse(address, address);
   const std::size_t slash = address.find('/', kScheme.size());
   if (slash == std::string::npos || slash == kScheme.size()) refuse(address, "no path");
@@ -91,7 +94,7 @@ HttpReader::HttpReader(const std::string& address) {
   const std::size_t last = path.rfind('/');
   folder_ = path.substr(0, last + 1);
   file_ = path.substr(last + 1);
-  client_ = std::make_unique<Client>(host, port);
+  client_ = std::make_unique<Client>(host, port, stall_seconds);
 }
 
 HttpReader::~HttpReader() = default;
@@ -108,7 +111,7 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   const auto begin = [&](const httplib::Response& response) {
     status = response.status;
     promised = parseWhole<std::uint64_t>(response.get_header_value("Content-Length")).value_or(0);
-    too_long = promised > max_bytes;
+    too_long = status == 200 && promised > max_bytes;
     return status == 200 && !too_long;
   };
   const auto take = [&](const char* data, std::size_t size) {
@@ -123,6 +126,8 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   // Servers close connections that they kept, and may do so just as they are asked.
   const bool closed = !result && status == 0 && std::chrono::steady_clock::now() - asked < kKeptConnectionEnds;
   if (closed && std::exchange(kept_, false) && !stop.stop_requested()) result = fetch();
+  const bool silent = !result && result.error() == httplib::Error::Read && status == 0 &&
+                      std::chrono::steady_clock::now() - asked >= std::chrono::seconds(stall_seconds_);
   kept_ = static_cast<bool>(result);
   if (stop.stop_requested()) throw ReadCancelled();
   if (too_long) {
@@ -131,7 +136,11 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   if (status != 0 && status != 200) {
     throw tg::Error(ErrorKind::cannotRead, name, "the server refuses it" + expectedFound(200, status));
   }
-  if (!result) throw tg::Error(ErrorKind::cannotRead, name, "cannot be fetched: " + reasonOf(result.error()));
+  if (!result) {
+    const std::string reason =
+        silent ? "no answer within " + std::to_string(stall_seconds_) + " s" : reasonOf(result.error());
+    throw tg::Error(ErrorKind::cannotRead, name, "cannot be fetched: " + reason);
+  }
   return bytes;
 }
 

@@ -16,8 +16,9 @@ constexpr int kFetchSeconds = 600;      // of a whole file
 // Keeps its connection from file to file. To be used by one thread at a time.
 class HttpReader {
  public:
-  // `address`: "http://HOST[:PORT]/FOLDER/FILE". Throws Error(usage) for any other, also for https.
-  explicit HttpReader(const std::string& address);
+  // `address`: "http://HOST[:PORT]/FOLDER/FILE". Throws Error(usage) for any other, also for https. stall_seconds: how
+  // long no byte may come.
+  explicit HttpReader(const std::string& address, int stall_seconds = kFetchStallSeconds);
   ~HttpReader();
   HttpReader& operator=(HttpReader&&) = delete;
 
@@ -27,6 +28,7 @@ class HttpReader {
 
  private:
   class Client;
+  const int stall_seconds_;
   std::string base_;    // "http://HOST:PORT", as typed
   std::string folder_;  // of the path, with slashes at both ends
   std::string file_;

@@ -142,12 +142,19 @@ TEST_CASE("what does not come over HTTP is named in a line") {
   };
   CHECK(said(reader, "", 999) == folder + "a.bin: is too long (expected at most 999, found 1000)");
   CHECK(said(reader, "none", 999) == folder + "none: the server refuses it (expected 200, found 404)");
+  CHECK(said(reader, "none", 1) == folder + "none: the server refuses it (expected 200, found 404)");
   CHECK(reader.read("b/c.bin", 3, {}) == Bytes(3, 7));  // the connection is none the worse
   HttpReader nobody("http://127.0.0.1:1/scene/a.bin");
   CHECK_THAT(said(nobody, "", 1), Contains("http://127.0.0.1:1/scene/a.bin: cannot be fetched: nobody answers there"));
   const RawServer cut("HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\nshort", "", 0, false);
   HttpReader half(cut.address());
   CHECK_THAT(said(half, "", 1000), Contains("/scene/a.bin: cannot be fetched: the answer ends early"));
+  const RawServer silent("", "", 0, true);
+  HttpReader waiting(silent.address(), 1);
+  CHECK(said(waiting, "", 1000) == silent.address() + ": cannot be fetched: no answer within 1 s");
+  const RawServer closing("", "", 0, false);
+  HttpReader hung_up(closing.address(), 1);
+  CHECK(said(hung_up, "", 1000) == closing.address() + ": cannot be fetched: the answer ends early");
 }
 
 TEST_CASE("an address that is none of HTTP is refused before anything is sent") {
