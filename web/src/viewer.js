@@ -10,7 +10,7 @@ import {formatView, parseView} from './view_text.js';
 
 const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full again
 const PATIENCE_MILLISECONDS = 5;  // between two looks whether the device is done
-const SLOW_FRAME = 50, FAST_FRAME = 20;  // [ms] between frames while moving
+const SLOW_FRAME = 50, FAST_FRAME = 35;  // [ms] that a frame takes while moving; a screen of 30 Hz has fast ones
 const LOST_MILLISECONDS = 5000;  // until a device that the browser took away and has not given back is spoken of
 const MOST_UPLOADS = 3;  // of a model, where the device is lost meanwhile
 const MAX_FIXED_SIDE = 8192;
@@ -33,6 +33,7 @@ export class Viewer {
     this.motionScale = 1;     // resolution while the camera moves
     this.lastInput = -Infinity;
     this.lastFrame = 0;
+    this.askedAt = 0;         // when a frame was asked for first since then; 0: it was not
     this.framePending = false;
     this.flight = null;       // a path that is played
     this.toFly = false;       // whether one is to begin once nobody waits for a picture
@@ -246,6 +247,7 @@ export class Viewer {
   changed(byHand = false) {
     if (byHand) this.stir();
     if (this.splats && this.orbit.camera) this.splats.sort(this.camera);
+    this.askedAt = this.askedAt || performance.now();
     if (this.framePending) return;
     this.framePending = true;
     requestAnimationFrame((now) => {
@@ -278,12 +280,13 @@ export class Viewer {
       this.changed(true);
     }
     const now = performance.now();
-    const gap = now - this.lastFrame;
+    const took = now - Math.max(this.lastFrame, this.askedAt);
     this.lastFrame = now;
-    if (this.moving && gap < 500) {
-      if (gap > SLOW_FRAME) this.motionScale = Math.max(0.8 * this.motionScale, 0.25);
-      if (gap < FAST_FRAME) this.motionScale = Math.min(1.1 * this.motionScale, 1);
-      this.gap = gap;
+    this.askedAt = 0;
+    if (this.moving) {
+      if (took > SLOW_FRAME) this.motionScale = Math.max(0.8 * this.motionScale, 0.25);
+      if (took < FAST_FRAME) this.motionScale = Math.min(1.1 * this.motionScale, 1);
+      this.took = took;
     }
     const unfinished = this.moving || !this.splats.sorted;
     if (this.waiting.length > 0 && unfinished) return;  // whoever waits looks at the finished picture only

@@ -268,6 +268,6 @@ class Panel {
       : viewer.cameraIndex >= 0 ? String(viewer.cameraIndex) : FREE_VIEW;
     const bytes = settings.background.map((c) => Math.round(Math.min(Math.max(c, 0), 1) * 255));
     element('background').value = '#' + bytes.map((byte) => byte.toString(16).padStart(2, '0')).join('');
-    if (viewer.moving && viewer.gap) element('speed').textContent = `${viewer.gap.toFixed(0)} ms`;
+    if (viewer.moving && viewer.took) element('speed').textContent = `${viewer.took.toFixed(0)} ms`;
   }
 }

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer of web/src without a browser: what it does to a canvas and a model, on a clock that this file moves.
+import {Viewer} from '../../web/src/viewer.js';
+
+const failures = [];
+function expect(what, ok, found) {
+  if (!ok) failures.push(`${what}: found ${JSON.stringify(found)}`);
+}
+
+// The browser: time, timers and a screen's frames. [ms]
+let now = 1000, period = 1000 / 60, timers = [], number = 0;
+Object.defineProperty(globalThis, 'performance', {value: {now: () => now}});
+globalThis.setTimeout = (call, wait = 0) => timers.push({call, at: now + wait, id: ++number}) && number;
+globalThis.clearTimeout = (id) => { timers = timers.filter((timer) => timer.id !== id); };
+globalThis.requestAnimationFrame = (call) => {
+  const at = period * (Math.floor(now / period + 1e-6) + 1);
+  timers.push({call: () => call(now), at, id: ++number});
+};
+globalThis.window = {devicePixelRatio: 1};
+
+function waitUntil(end) {
+  for (;;) {
+    const next = timers.filter(({at}) => at <= end).sort((a, b) => a.at - b.at)[0];
+    if (!next) break;
+    timers = timers.filter((timer) => timer !== next);
+    now = Math.max(now, next.at);
+    next.call();
+  }
+  now = end;
+}
+
+const eye = {name: '', width: 100, height: 100, fx: 100, fy: 100, cx: 50, cy: 50, axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+             eye: [0, 0, -5]};
+
+// A canvas as a page lays it out: as large as its style says, else as its pixels.
+function makeCanvas() {
+  return {
+    width: 300, height: 150, style: {}, listeners: {},
+    get clientWidth() { return this.style.width ? parseFloat(this.style.width) : this.width; },
+    get clientHeight() { return this.style.height ? parseFloat(this.style.height) : this.height; },
+    addEventListener(name, call) { this.listeners[name] = call; },
+    toDataURL() { return 'drawn'; },
+  };
+}
+
+// With a model, on a device that takes `cost` ms for a frame in full resolution; `drawn`: [{width, height, at}].
+class TestViewer extends Viewer {
+  constructor({cost = 0, model = {cameras: [eye, eye], views: [], bounds: {center: [0, 0, 0], radius: 1}}} = {}) {
+    super(makeCanvas());
+    Object.assign(this, {cost, drawn: [], sorts: [], errors: []});
+    this.onError = (error) => this.errors.push(error.message);
+    if (model) this.open(model);
+  }
+
+  openContext() {
+    let free = 0;
+    this.renderer = {
+      gl: {isContextLost: () => false},
+      get idle() { return now >= free; },
+      draw: (gpu, {width, height}) => {
+        this.drawn.push({width, height, at: now, settings: {...this.settings}});
+        free = now + this.cost * width * height / (this.canvas.width * this.canvas.height);
+      },
+    };
+  }
+
+  async upload(model) {
+    const settings = {show: 'final', textures: 'rgba', intersection: 'maxResponse', outside: 'base', background: [0, 0, 0]};
+    return {settings, sorted: true, complete: true, gpu: {}, takeOrder() {}, dispose() {}, completed() {},
+            sort: (camera) => this.sorts.push(camera)};
+  }
+}
+
+async function settle(milliseconds = 1000) {
+  for (let part = 0; part < 20; ++part) {
+    await new Promise((done) => setImmediate(done));
+    waitUntil(now + milliseconds / 20);
+  }
+}
+
+async function makeViewer(given) {
+  const viewer = new TestViewer(given);
+  await settle();
+  return viewer;
+}
+
+// The least resolution and the last one, of so many inputs.
+function replay(viewer, inputs, pause) {
+  let least = 1;
+  for (let input = 0; input < inputs; ++input) {
+    viewer.changed(true);
+    waitUntil(now + pause);
+    least = Math.min(least, viewer.motionScale);
+  }
+  return [least, viewer.motionScale];
+}
+
+for (const pause of [60, 100, 140]) {
+  const [least] = replay(await makeViewer({cost: 4}), 10, pause);
+  expect(`notches ${pause} ms apart on a quick device`, least === 1, least);
+}
+for (const cost of [80, 700]) {
+  const [, last] = replay(await makeViewer({cost}), 400, 8);
+  expect(`a device that takes ${cost} ms`, last < 0.9, last);
+}
+for (const rate of [60, 50, 30]) {
+  period = 1000 / rate;
+  const viewer = await makeViewer({cost: 4});
+  viewer.motionScale = 0.25;
+  const [, last] = replay(viewer, 200, 8);
+  expect(`a screen of ${rate} Hz`, last === 1, last);
+}
+period = 1000 / 60;
+
+console.log(failures.join('\n') || 'the viewer does what it is to do');
+process.exit(failures.length > 0 ? 1 : 0);
