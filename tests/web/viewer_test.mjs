@@ -112,5 +112,22 @@ for (const rate of [60, 50, 30]) {
 }
 period = 1000 / 60;
 
+// A canvas without a size of its own, on a screen with several pixels for one of the page.
+for (const ratio of [2, 1.5, 0.5]) {
+  window.devicePixelRatio = ratio;
+  const viewer = await makeViewer(), {canvas} = viewer;
+  const sizes = () => [canvas.width, canvas.height, canvas.clientWidth, canvas.clientHeight];
+  const expected = [300 * ratio, 150 * ratio, 300, 150];
+  replay(viewer, 5, 40);
+  expect(`a canvas at ${ratio} pixels for one`, String(sizes()) === String(expected), sizes());
+  viewer.setSize('64x64');
+  replay(viewer, 2, 40);
+  expect('with a fixed size', String(sizes()) === String([64, 64, 64 / ratio, 64 / ratio]), sizes());
+  viewer.setSize('window');
+  replay(viewer, 2, 40);
+  expect('and without it', String(sizes()) === String(expected), sizes());
+}
+window.devicePixelRatio = 1;
+
 console.log(failures.join('\n') || 'the viewer does what it is to do');
 process.exit(failures.length > 0 ? 1 : 0);

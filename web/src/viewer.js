@@ -27,6 +27,7 @@ export class Viewer {
     this.model = null;        // what it is of
     this.settings = {show: 'final', textures: 'rgba', intersection: 'maxResponse', outside: 'base', background: [0, 0, 0]};
     this.fixedSize = null;    // [px] instead of the canvas' own
+    this.layout = {width: '', height: ''};  // of the canvas' style, without a fixed size
     this.cameraIndex = -1;    // of the model's cameras, while the view is one of them; likewise for its views
     this.viewIndex = -1;
     this.left = NOWHERE;      // the two indices as they were before it was none of them
@@ -319,10 +320,19 @@ export class Viewer {
     if (!size) size = [this.canvas.clientWidth * ratio, this.canvas.clientHeight * ratio].map(Math.round);
     const [width, height] = size.map((side) => Math.max(side, 1));
     if (this.canvas.width === width && this.canvas.height === height) return;
-    Object.assign(this.canvas, {width, height});
+    this.setPixels(width, height);
     if (!this.orbit || !this.orbit.atStart) return;
     this.orbit.start(width, height);
     this.changed();
+  }
+
+  // A canvas that a page gives no size is as large as its pixels are many: it stays as large as it was.
+  setPixels(width, height) {
+    const {canvas, layout} = this, {clientWidth, clientHeight} = canvas;
+    Object.assign(canvas, {width, height});
+    if (this.fixedSize) return;
+    if (Math.abs(canvas.clientWidth - clientWidth) > 1) canvas.style.width = layout.width = `${clientWidth}px`;
+    if (Math.abs(canvas.clientHeight - clientHeight) > 1) canvas.style.height = layout.height = `${clientHeight}px`;
   }
 
   // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
@@ -397,7 +407,7 @@ export class Viewer {
     this.fixedSize = size;
     const ratio = window.devicePixelRatio || 1;
     Object.assign(this.canvas.style, size ? {width: `${size[0] / ratio}px`, height: `${size[1] / ratio}px`}
-                                          : {width: '', height: ''});
+                                          : this.layout);
     this.resize();
   }
 
