@@ -129,5 +129,17 @@ for (const ratio of [2, 1.5, 0.5]) {
 }
 window.devicePixelRatio = 1;
 
+// A larger picture is sorted anew, and its levels chosen; then nothing more is drawn.
+{
+  const viewer = await makeViewer();
+  Object.assign(viewer.canvas.style, {width: '900px', height: '600px'});
+  viewer.changed();
+  await settle();
+  const {width, height} = viewer.sorts.at(-1), drawn = viewer.drawn.length;
+  expect('an order for the size that is drawn', width === 900 && height === 600, [width, height]);
+  await settle();
+  expect('frames of a viewer at rest', viewer.drawn.length === drawn, viewer.drawn.length - drawn);
+}
+
 console.log(failures.join('\n') || 'the viewer does what it is to do');
 process.exit(failures.length > 0 ? 1 : 0);

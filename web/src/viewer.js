@@ -321,9 +321,8 @@ export class Viewer {
     const [width, height] = size.map((side) => Math.max(side, 1));
     if (this.canvas.width === width && this.canvas.height === height) return;
     this.setPixels(width, height);
-    if (!this.orbit || !this.orbit.atStart) return;
-    this.orbit.start(width, height);
-    this.changed();
+    if (this.orbit && this.orbit.atStart) this.orbit.start(width, height);
+    this.changed();  // the order, and the levels of detail, are of the size before
   }
 
   // A canvas that a page gives no size is as large as its pixels are many: it stays as large as it was.
