@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The viewer of web/src without a browser: what it does to a canvas and a model, on a clock that this file moves.
+import {listenToHands} from '../../web/src/hands.js';
 import {Viewer} from '../../web/src/viewer.js';
 
 const failures = [];
@@ -139,6 +140,21 @@ window.devicePixelRatio = 1;
   expect('an order for the size that is drawn', width === 900 && height === 600, [width, height]);
   await settle();
   expect('frames of a viewer at rest', viewer.drawn.length === drawn, viewer.drawn.length - drawn);
+}
+
+// The wheel is the page's own where there is nothing to zoom.
+{
+  const turn = (viewer, deltaY) => {
+    let taken = false;
+    viewer.canvas.listeners.wheel({deltaY, deltaMode: 0, preventDefault: () => { taken = true; }});
+    return taken;
+  };
+  const empty = await makeViewer({model: null}), viewer = await makeViewer();
+  for (const one of [empty, viewer]) listenToHands(one);
+  expect('a wheel before there is a model', !turn(empty, 100), 'taken');
+  viewer.play();
+  expect('a swipe to the side during a flight', !turn(viewer, 0) && viewer.playing, viewer.playing);
+  expect('a wheel', turn(viewer, 100) && !viewer.playing, viewer.playing);
 }
 
 console.log(failures.join('\n') || 'the viewer does what it is to do');
