@@ -30,8 +30,8 @@ function waitUntil(end) {
   now = end;
 }
 
-const eye = {name: '', width: 100, height: 100, fx: 100, fy: 100, cx: 50, cy: 50, axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-             eye: [0, 0, -5]};
+const eye = {name: '', width: 100, height: 100, fx: 100, fy: 100, cx: 50, cy: 50,
+             axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], eye: [0, 0, -5]};
 
 // A canvas as a page lays it out: as large as its style says, else as its pixels.
 function makeCanvas() {
@@ -66,9 +66,8 @@ class TestViewer extends Viewer {
   }
 
   async upload(model) {
-    const settings = {show: 'final', textures: 'rgba', intersection: 'maxResponse', outside: 'base', background: [0, 0, 0]};
-    return {settings, sorted: true, complete: true, gpu: {}, takeOrder() {}, dispose() {}, completed() {},
-            sort: (camera) => this.sorts.push(camera)};
+    return {settings: {...this.settings}, sorted: true, complete: true, gpu: {}, sort: (camera) => this.sorts.push(camera),
+            takeOrder() {}, dispose() {}, completed() {}};
   }
 }
 
@@ -155,6 +154,36 @@ window.devicePixelRatio = 1;
   viewer.play();
   expect('a swipe to the side during a flight', !turn(viewer, 0) && viewer.playing, viewer.playing);
   expect('a wheel', turn(viewer, 100) && !viewer.playing, viewer.playing);
+}
+
+// What there is not is told, and the view stays.
+{
+  const viewer = await makeViewer(), empty = await makeViewer({model: null});
+  const told = (call) => {
+    try {
+      call();
+    } catch (error) {
+      return error.message;
+    }
+    return 'nothing';
+  };
+  const before = viewer.orbit.camera;
+  for (const [call, words] of [
+    [() => viewer.jump(99), 'there is no camera 99 (expected 0 to 1)'],
+    [() => viewer.jumpToView(99), 'the model has no views'],
+    [() => viewer.apply({camera: null}), 'camera=null (expected 0 to 1)'],
+    [() => viewer.apply({camera: {}}), ''],
+    [() => empty.jump(0), 'there is no model yet'],
+    [() => empty.jump(-1), 'there is no model yet'],
+    [() => empty.jumpToView(0), 'there is no model yet'],
+  ]) {
+    const found = told(call);
+    expect(words, found.startsWith(words) && found !== 'nothing', found);
+    expect(`the view after ${words}`, viewer.orbit.camera === before && viewer.cameraIndex === 0, viewer.cameraIndex);
+  }
+  const replaced = empty.replace({cameras: [eye], views: [], bounds: {center: [0, 0, 0], radius: 1}});
+  const found = await replaced.then(() => empty.cameraIndex, (error) => error.message);
+  expect('a model that replaces none', found === 0, found);
 }
 
 console.log(failures.join('\n') || 'the viewer does what it is to do');

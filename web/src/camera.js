@@ -80,8 +80,8 @@ export class Orbit {
 
   // Takes a camera over as it is.
   set(camera) {
-    this.camera = camera;
     const along = dot(add(this.bounds.center, camera.eye, -1), camera.axes[2]);
+    this.camera = camera;
     this.distance = Math.max(along, 0.1 * this.bounds.radius);
   }
 

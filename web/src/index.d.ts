@@ -118,10 +118,13 @@ export class Viewer {
   /** Of a graphics device that was taken away and stays so; '' once it is back. */
   onLost: (words: string) => void;
   open(model: Model): Promise<void>;
+  /** The same model, further trained: the view stays. Without one before it, as open(). */
   replace(model: Model): Promise<void>;
   apply(settings: ViewerSettings): void;
   applyWhatCan(settings: Record<string, unknown>): string[];
+  /** To a camera of the model; -1: everything in view. Throws where there is none of that number. */
   jump(camera: number): void;
+  /** Throws as jump(). */
   jumpToView(view: number): void;
   frameAll(): void;
   play(on?: boolean): boolean;

@@ -3,6 +3,7 @@
 import {Orbit, NEAR, add, dot, fitted} from './camera.js';
 import {Flight} from './flight.js';
 import {INTERSECTIONS, OUTSIDES} from './glb.js';
+import {noSuchCamera} from './matrices.js';
 import {valueNamed} from './names.js';
 import {SHOW, SplatRenderer} from './renderer.js';
 import {Splats, TEXTURE_CHOICES} from './splats.js';
@@ -96,6 +97,10 @@ export class Viewer {
 
   // The same model, further trained: the view stays, and the old picture until there is an order of the new one.
   async replace(model) {
+    if (!this.model) {
+      await this.open(model);
+      return;
+    }
     const modeOf = ({layer}) => (layer ? layer.mode : 0), had = modeOf(this.model);
     if (!await this.take(model, new Orbit(model))) return;
     const own = this.splats.settings;
@@ -177,8 +182,14 @@ export class Viewer {
     return null;
   }
 
-  // To a camera of the model, or -1: everything in view.
+  need(index, views) {
+    if (!this.model) throw new Error('there is no model yet');
+    if (!(views ? this.model.views : this.model.cameras)[index]) throw noSuchCamera(this.model, index, views);
+  }
+
+  // To a camera of the model, or -1: everything in view. Throws where it has none of that number.
   jump(index) {
+    if (!this.model || index !== -1) this.need(index, false);
     this.moved();
     this.cameraIndex = index;
     if (index >= 0) this.orbit.set(this.model.cameras[index]);
@@ -186,7 +197,9 @@ export class Viewer {
     this.changed();
   }
 
+  // Throws where the model has none of that number.
   jumpToView(index) {
+    this.need(index, true);
     this.moved();
     this.orbit.set(this.model.views[index]);
     this.viewIndex = index;
@@ -411,13 +424,13 @@ export class Viewer {
   }
 
   setCamera(wanted) {
-    if (typeof wanted === 'object') {
-      this.moved();
+    if (wanted !== null && typeof wanted === 'object') {
       this.orbit.set(wanted);
+      this.moved();
       return;
     }
     const {cameras} = this.model;
-    const index = wanted === '' ? NaN : Number(wanted);
+    const index = wanted === '' || wanted === null ? NaN : Number(wanted);
     if (!cameras[index]) {
       const expected = cameras.length > 0 ? `0 to ${cameras.length - 1}` : 'none: the model has no cameras';
       throw new Error(`camera=${wanted} (expected ${expected})`);
