@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The viewer of web/src without a browser: what it does to a canvas and a model, on a clock that this file moves.
+import {Orbit} from '../../web/src/camera.js';
 import {listenToHands} from '../../web/src/hands.js';
 import {Viewer} from '../../web/src/viewer.js';
 
@@ -184,6 +185,16 @@ window.devicePixelRatio = 1;
   const replaced = empty.replace({cameras: [eye], views: [], bounds: {center: [0, 0, 0], radius: 1}});
   const found = await replaced.then(() => empty.cameraIndex, (error) => error.message);
   expect('a model that replaces none', found === 0, found);
+}
+
+// A notch is a tenth of the way in scenes of all sizes.
+for (const radius of [2e-3, 1, 2e6, 1e12]) {
+  const orbit = new Orbit({cameras: [], bounds: {center: [0, 0, 0], radius}});
+  orbit.start(640, 480);
+  const before = orbit.distance;
+  orbit.dolly(0.9);
+  const share = orbit.distance / before, eyeShare = Math.hypot(...orbit.camera.eye) / before;
+  expect(`a notch at a radius of ${radius}`, Math.abs(share - 0.9) + Math.abs(eyeShare - 0.9) < 1e-6, [share, eyeShare]);
 }
 
 console.log(failures.join('\n') || 'the viewer does what it is to do');

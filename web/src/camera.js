@@ -2,6 +2,8 @@
 // Pinhole cameras and how a hand moves them. A camera: {width, height, fx, fy, cx, cy [px], axes: camera x (right),
 // y (down), z (forward) in world space, eye}.
 
+// Of a dolly's distance, as in viewer/view/camera_controller.cpp. [world units]
+const LEAST_DISTANCE = 1e-4, MOST_DISTANCE = 1e9;
 const START_FOV = 0.9;     // [rad] over the height
 const START_PITCH = -0.3;  // [rad] above the horizon
 export const NEAR = 0.2;   // shaders/shared/limits.h kNear [world units]
@@ -132,7 +134,8 @@ export class Orbit {
 
   dolly(factor) {
     const pivot = this.pivot;
-    this.distance = Math.min(Math.max(this.distance * factor, 1e-3), 1e6);
+    const most = Math.max(this.distance, MOST_DISTANCE);  // what is farther out comes nearer by steps, too
+    this.distance = Math.min(Math.max(this.distance * factor, LEAST_DISTANCE), most);
     this.camera = {...this.camera, eye: add(pivot, this.camera.axes[2], -this.distance)};
   }
 }
