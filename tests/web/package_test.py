@@ -336,11 +336,18 @@ def show_trouble(browser, address):
         const loaded = new Promise((done) => element.addEventListener('load', () => done(true), {once: true}));
         element.src = 'scene.glb?other';
         const words = [...before, await ends(loaded), element.model === element.loaded.model];
+        element.sleep();
+        element.viewer.open = () => Promise.reject(new Error('does not fit'));
+        element.src = 'scene.glb?largest';
+        await new Promise((done) => element.addEventListener('error', done, {once: true}));
+        words.push(element.model !== null, element.still === null, element.shadowRoot.querySelector('.still') === null);
+        element.viewer.open = open;
         element.setAttribute('alt', 'a fox');
         return [...words, element.canvas.getAttribute('aria-label')];
     })()""")
-    expect("a model that was refused is put on the device once, the next one is shown, and a new name is told",
-           told == [1, 1, "does not fit", "done", True, "a fox"], told)
+    expect("a model that was refused is put on the device once, the next one is shown, no still picture hides the one "
+           "before, and a new name is told",
+           told == [1, 1, "does not fit", "done", True, True, True, True, "a fox"], told)
     flights = browser.evaluate("""(async () => {
         const {viewer} = await make('scene.glb');
         const stops = [() => viewer.play(false), () => viewer.jump(0), () => viewer.moved(), () => {}], flown = [];

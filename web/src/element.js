@@ -175,9 +175,8 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
       await this.viewer.settled();
     } finally {
       if (!this.model) this.sleep();
+      else this.endStill();
     }
-    if (this.still) this.still.remove();
-    this.still = null;
   }
 
   // Gives the context back; a still picture stands for it.
@@ -187,6 +186,11 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
     this.still = this.viewer.release();
     this.still.className = 'still';
     this.canvas.after(this.still);
+  }
+
+  endStill() {
+    if (this.still) this.still.remove();
+    this.still = null;
   }
 
   apply(names) {
