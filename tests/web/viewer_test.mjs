@@ -41,7 +41,7 @@ function makeCanvas() {
     get clientWidth() { return this.style.width ? parseFloat(this.style.width) : this.width; },
     get clientHeight() { return this.style.height ? parseFloat(this.style.height) : this.height; },
     addEventListener(name, call) { this.listeners[name] = call; },
-    toDataURL() { return 'drawn'; },
+    toDataURL() { return this.seen; },
   };
 }
 
@@ -60,7 +60,8 @@ class TestViewer extends Viewer {
       gl: {isContextLost: () => false},
       get idle() { return now >= free; },
       draw: (gpu, {width, height}) => {
-        this.drawn.push({width, height, at: now, settings: {...this.settings}});
+        this.canvas.seen = this.settings.show;
+        this.drawn.push({width, height, at: now});
         free = now + this.cost * width * height / (this.canvas.width * this.canvas.height);
       },
     };
@@ -195,6 +196,23 @@ for (const radius of [2e-3, 1, 2e6, 1e12]) {
   orbit.dolly(0.9);
   const share = orbit.distance / before, eyeShare = Math.hypot(...orbit.camera.eye) / before;
   expect(`a notch at a radius of ${radius}`, Math.abs(share - 0.9) + Math.abs(eyeShare - 0.9) < 1e-6, [share, eyeShare]);
+}
+
+// Every picture is of its own settings, and what was set before something that cannot be is seen.
+{
+  const viewer = await makeViewer(), wanted = ['alpha', 'nonsense', 'depth', 'final'];
+  const pictures = Promise.all(wanted.map((show) => viewer.picture({show}).catch((error) => error.message)));
+  await settle();
+  const found = await Promise.race([pictures, ['none']]);
+  expect('pictures asked for at once', found.length === 4 && found[1].startsWith('show=nonsense') &&
+    [0, 2, 3].every((k) => found[k] === wanted[k]), found);
+  const drawn = viewer.drawn.length;
+  try {
+    viewer.apply({show: 'alpha', camera: 99});
+  } catch {
+    await settle();
+  }
+  expect('what was set before', viewer.canvas.seen === 'alpha' && viewer.drawn.length > drawn, viewer.canvas.seen);
 }
 
 console.log(failures.join('\n') || 'the viewer does what it is to do');

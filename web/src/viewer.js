@@ -40,6 +40,7 @@ export class Viewer {
     this.flight = null;       // a path that is played
     this.toFly = false;       // whether one is to begin once nobody waits for a picture
     this.waiting = [];        // {resolve, reject} of those that wait for the picture that was asked for
+    this.pictures = Promise.resolve();  // those that were asked for, one after the other
     this.openings = 0;
     this.uploads = 0;         // under way: where the device is lost meanwhile they begin again
     this.uploaded = null;     // resolves when the last of them ends
@@ -352,6 +353,14 @@ export class Viewer {
   // "WxH" or "window", show, textures, intersection, outside, background, splat-budget. Throws at the first that cannot
   // be.
   apply(wanted) {
+    try {
+      this.set(wanted);
+    } finally {
+      this.changed();  // what stands before the first that cannot be is done
+    }
+  }
+
+  set(wanted) {
     const choice = (key, known) => {
       if (wanted[key] === undefined) return;
       if (!known.includes(wanted[key])) throw new Error(`${key}=${wanted[key]} (expected ${known.join(', ')})`);
@@ -373,7 +382,6 @@ export class Viewer {
     if (wanted.size !== undefined) this.setSize(wanted.size);
     if (wanted.camera !== undefined) this.setCamera(wanted.camera);
     if (wanted.view !== undefined) this.setView(wanted.view);
-    this.changed();
   }
 
   // The model's own value of a setting; camera and view stay, where a hand may have taken them.
@@ -471,8 +479,14 @@ export class Viewer {
   }
 
   // The picture for these settings, as a data URL of a PNG; of a scene with levels once all is there that the view
-  // wants, and where the device is lost once there is another one.
-  async picture(wanted = {}) {
+  // wants, and where the device is lost once there is another one; after those that were asked for before.
+  picture(wanted = {}) {
+    const taken = this.pictures.then(() => this.takePicture(wanted));
+    this.pictures = taken.catch(() => {});
+    return taken;
+  }
+
+  async takePicture(wanted) {
     this.apply(wanted);
     await this.taking;
     do {
