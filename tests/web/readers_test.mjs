@@ -344,6 +344,25 @@ for (const [key, value] of [['intersection', ''], ['intersection', 0], ['extent'
   }
   const {cameras} = await readModel(madeFile((gltf) => { gltf.scenes[0].nodes = [0]; }));
   expect('cameras of other scenes are none', cameras.length === 0 && model.cameras.length === 1, cameras.length);
+  // What is no camera is left out, and turns nothing but by its angle.
+  const of = (gltf) => gltf.nodes.find((node) => node.camera !== undefined);
+  const own = (gltf, more) => Object.assign(of(gltf), {extras: {textured_gaussians: more}});
+  for (const [what, change] of [
+    ['a rotation of 5', (gltf) => { of(gltf).rotation = 5; }],
+    ['a rotation of length 0', (gltf) => { of(gltf).rotation = [0, 0, 0, 0]; }],
+    ['a rotation of three numbers', (gltf) => { of(gltf).rotation = [0, 0, 1]; }],
+    ['a translation of 5', (gltf) => { of(gltf).translation = 5; }],
+    ['a translation of words', (gltf) => { of(gltf).translation = 'abc'; }],
+    ['fx below 0', (gltf) => own(gltf, {fx: -500})],
+    ['fy below 0', (gltf) => own(gltf, {fy: -500})],
+  ]) {
+    const found = await readModel(madeFile(change)).catch((error) => ({cameras: [error.message]}));
+    expect(`a camera with ${what}`, found.cameras.length === 0, JSON.stringify(found.cameras));
+  }
+  const longer = await readModel(madeFile((gltf) => { of(gltf).rotation = [0, 0, 3, 3]; }));
+  const unit = await readModel(madeFile((gltf) => { of(gltf).rotation = [0, 0, Math.SQRT1_2, Math.SQRT1_2]; }));
+  const apart = Math.max(...longer.cameras[0].axes.flat().map((x, k) => Math.abs(x - unit.cameras[0].axes.flat()[k])));
+  expect('a rotation longer than 1', apart < 1e-12, apart);
 }
 
 // SOG: room only for what a file's images hold, and names as above.

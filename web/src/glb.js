@@ -336,9 +336,14 @@ async function readLayers(file, primitives) {
   return joined;
 }
 
-// A pinhole camera of a node, or of what stands for one: `own` is what this toolchain's files add.
+const areNumbers = (list, count) => Array.isArray(list) && list.length === count && list.every(Number.isFinite);
+
+// A pinhole camera of a node, or of what stands for one, or null: `own` is what this toolchain's files add.
 function readCamera({name, rotation, translation}, lens, own) {
-  const [x, y, z, w] = rotation || [0, 0, 0, 1];
+  const quaternion = rotation || [0, 0, 0, 1], eye = translation || [0, 0, 0];
+  if (!areNumbers(quaternion, 4) || !areNumbers(eye, 3)) return null;
+  const length = Math.hypot(...quaternion);
+  const [x, y, z, w] = quaternion.map((component) => component / length);
   const axes = [  // glTF cameras look along -z with y up: a half turn about x
     [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
     [-2 * (x * y - w * z), -1 + 2 * (x * x + z * z), -2 * (y * z + w * x)],
@@ -350,10 +355,10 @@ function readCamera({name, rotation, translation}, lens, own) {
   const known = own.cx !== undefined;
   const camera = {
     name: String(name || ''), test: own.split === 'test', width, height, fx: own.fx || fy, fy,
-    cx: known ? own.cx : 0.5 * width, cy: known ? own.cy : 0.5 * height, axes, eye: translation || [0, 0, 0],
+    cx: known ? own.cx : 0.5 * width, cy: known ? own.cy : 0.5 * height, axes, eye,
   };
-  const numbers = [width, height, camera.fx, fy, camera.cx, camera.cy, ...axes.flat(), ...camera.eye];
-  return width > 0 && height > 0 && camera.eye.length === 3 && numbers.every(Number.isFinite) ? camera : null;
+  const numbers = [width, height, camera.fx, fy, camera.cx, camera.cy, ...axes.flat()];
+  return Math.min(width, height, camera.fx, fy) > 0 && numbers.every(Number.isFinite) ? camera : null;
 }
 
 // Camera nodes of the scene as pinhole cameras: OpenCV axes (x right, y down, z forward), rows of camera_from_world.
