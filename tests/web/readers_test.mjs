@@ -386,6 +386,24 @@ for (const [key, value] of [['intersection', ''], ['intersection', 0], ['extent'
                                        scales: part('a'), quats: part('a'), sh0: part('a'), ...more}, entries, 1000);
   const plain = await read({});
   expect('a SOG is read', plain.count === 50 && plain.mean.length === 150 && plain.notes.length === 0, plain.notes);
+  // Of a size that is not decoded: the file is cut off behind it.
+  const sized = (width, height) => {
+    const bytes = image.slice(0, 32);
+    bytes[16] = 12;
+    new DataView(bytes.buffer).setUint32(21, width - 1 | height - 1 << 14, true);
+    return bytes;
+  };
+  for (const [width, height, count, words] of [
+    [8192, 8192, 1, 'a: too many pixels (expected at most 4194304, found 67108864)'],
+    [2049, 2048, 50, 'a: too many pixels (expected at most 4194304, found 4196352)'],
+    [2048, 2048, 1, 'a: WebP: '], [4096, 2048, (1 << 21) - 1, 'a: too many pixels'], [4096, 2048, 1 << 21, 'a: WebP: '],
+    [8, 4, 50, 'a: too few pixels (expected at least 50, found 32)'],
+  ]) {
+    const large = new Map([['a', async () => sized(width, height)]]);
+    const meta = {version: 2, count, means: {...shape.means, files: ['a', 'a']}};
+    const found = await toldOf(readSogParts(meta, large, 1 << 21));
+    expect(`an image of ${width} x ${height} for ${count} Gaussians`, found.startsWith(words), found);
+  }
   for (const name of ['constructor', 'toString', '__proto__']) {
     for (const key of ['mode', 'intersection', 'outside']) {
       const textures = {version: 1, mode: 'rgba', intersection: 'plane', outside: 'base', [key]: name, steps: [1, 1]};

@@ -5,12 +5,15 @@
 import {breathe} from './breathe.js';
 import {INTERSECTIONS, MODES, OUTSIDES, TEXTURES} from './glb.js';
 import {valueNamed} from './names.js';
-import {decodeWebp} from './webp.js';
+import {decodeWebp, webpSize} from './webp.js';
 import {readZip} from './zip.js';
 
 const CODEBOOK = 256, PALETTE_COLUMNS = 64, FIRST_LARGEST = 252, NEUTRAL = 128;
 const MOST_META = 16 << 20;       // [bytes]
 const MOST_PER_BYTE = 4;          // Gaussians; as many as a million are always fine
+// Pixels of an image, of each that is needed: some writers make it square, or its sides powers of two. As in
+// converter/sog/read_sog.cpp; as many as the largest palette has are always fine.
+const MOST_PER_NEEDED = 4, PIXELS_ALWAYS_ALLOWED = 1 << 22;
 const ATLAS_SIDE = 4096;          // [texels]
 const MOST_TEXELS = 1 << 25;
 const OWN = 1, SHARED = 2, MOST_SHARED = 65536;  // versions: a texture a Gaussian, or one for several
@@ -46,16 +49,20 @@ class SogFile {
     return part;
   }
 
-  // Pixels of image `index` of a part, at least `least`.
+  // Pixels of image `index` of a part, at least `least` and not many more.
   async image(part, index, least) {
     const name = Array.isArray(part.files) ? part.files[index] : undefined;
     const entry = this.entries.get(name);
     if (!entry) throw new Error(`there is no image "${name}"`);
-    const picture = await decodeWebp(await entry()).catch((error) => {
+    const bytes = await entry(), most = Math.max(MOST_PER_NEEDED * least, PIXELS_ALWAYS_ALLOWED);
+    try {
+      const {width, height} = webpSize(bytes), found = width * height;
+      if (found < least) throw new Error(`too few pixels (expected at least ${least}, found ${found})`);
+      if (found > most) throw new Error(`too many pixels (expected at most ${most}, found ${found})`);
+      return await decodeWebp(bytes);
+    } catch (error) {
       throw new Error(`${name}: ${error.message}`, {cause: error});
-    });
-    if (picture.width * picture.height < least) throw new Error(`${name}: too few pixels (expected at least ${least})`);
-    return picture;
+    }
   }
 
   codebook(part) {
