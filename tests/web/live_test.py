@@ -125,6 +125,10 @@ with tempfile.TemporaryDirectory(prefix="tg-live-") as folder:
             check(all(request.startswith(url.split("?")[0]) or request.startswith(("blob:", "data:"))
                       for request in browser.requests), f"other places: {set(browser.requests)}")
             check(not browser.log, browser.log)
+            # A file that is dropped on the page does not take its place.
+            taken = browser.evaluate("['dragover', 'drop'].map((name) => !document.body.dispatchEvent("
+                                     "new DragEvent(name, {bubbles: true, cancelable: true})))")
+            check(taken == [True, True], f"drops are the browser's: {taken}")
             # A picture of which nothing comes is given up, and asked for again; time passes quicker here.
             browser.evaluate("window.fetched = window.fetch; window.held = 0; window.later = window.setTimeout;"
                              "window.setTimeout = (call, time) => later(call, time === 30000 ? 1500 : time);"

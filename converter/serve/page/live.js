@@ -187,6 +187,7 @@ function loadAnew(sameSubject) {
 
 // window.__shown counts the models drawn, for tests.
 async function startLive() {
+  for (const name of ['dragover', 'drop']) addEventListener(name, (event) => event.preventDefault());  // leaves no page
   const run = new RunPanel();
   let model = null;
   try {
