@@ -11,6 +11,7 @@ constexpr double kLeastTop = 0.1;     // length of the mean of the cameras' tops
 constexpr double kLeastSpread = 0.1;  // of the right sides over the plane, against 0.5: below, they are one direction
 constexpr double kLeastLevel = 0.5;   // cosine between the tops' mean and the axis: below, the rights say nothing
 constexpr int kRounds = 64;           // of a power iteration
+constexpr double kOpposite = 1e-9;    // length of the sum of two unit vectors: below, it has no direction
 
 }  // namespace
 
@@ -42,15 +43,17 @@ std::optional<glm::dvec3> upOf(std::span<const Camera> cameras) {
 }
 
 glm::dmat3 turnBetween(glm::dvec3 from, glm::dvec3 to) {
-  const glm::dvec3 cross = glm::cross(from, to);
-  const double cosine = glm::dot(from, to);
-  if (cosine < -1.0 + 1e-12) {  // any axis at right angles: always the same one
+  const glm::dvec3 sum = from + to;
+  const double squared = glm::dot(sum, sum);
+  if (squared < kOpposite * kOpposite) {  // any axis at right angles: always the same one
     const glm::dvec3 axis =
         glm::normalize(glm::cross(from, std::abs(from.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 0, 1)));
     return 2.0 * glm::outerProduct(axis, axis) - glm::dmat3(1.0);
   }
+  // Neither the cross product nor 1 + cosine loses digits by way of the sum.
+  const glm::dvec3 cross = glm::cross(from, sum);
   const glm::dmat3 skew(0, cross.z, -cross.y, -cross.z, 0, cross.x, cross.y, -cross.x, 0);
-  return glm::dmat3(1.0) + skew + skew * skew / (1.0 + cosine);
+  return glm::dmat3(1.0) + skew + skew * skew / (0.5 * squared);
 }
 
 }  // namespace tg

@@ -197,6 +197,19 @@ TEST_CASE("up is what the cameras agree on") {
         1e-12);
 }
 
+TEST_CASE("a turn into nearly the opposite direction is one and arrives there") {
+  const glm::dvec3 from = glm::normalize(glm::dvec3(0.3, -0.5, 0.8));
+  const glm::dvec3 side = glm::normalize(glm::cross(from, glm::dvec3(0.1, 0.9, 0.2)));
+  for (const double off : {0.0, 1e-12, 1e-6, 2e-6, 1e-5, 1e-4, 1e-2, 1.0}) {  // [rad]
+    const glm::dvec3 to = glm::normalize(-std::cos(off) * from + std::sin(off) * side);
+    const glm::dmat3 turn = turnBetween(from, to), square = turn * glm::transpose(turn) - glm::dmat3(1.0);
+    CAPTURE(off);
+    for (int k = 0; k < 3; ++k) CHECK(glm::length(square[k]) < 1e-12);
+    CHECK(glm::determinant(turn) == Approx(1.0));
+    CHECK(glm::distance(turn * from, to) < 2e-9);
+  }
+}
+
 TEST_CASE("the edit --upright turns the model and its cameras so that their up is -y, and changes no picture") {
   Bundle bundle = room();
   const FrameT<double> before = referenceFrame(bundle.model, bundle.cameras[2]);
