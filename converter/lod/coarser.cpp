@@ -3,6 +3,7 @@
 #include "converter/lod/coarser.h"
 
 #include <algorithm>
+#include <cfloat>
 #include <cmath>
 #include <cstdint>
 #include <numeric>
@@ -120,7 +121,7 @@ class Merger {
       for (std::size_t k = 0; k < order.size(); ++k) {
         for (std::size_t j = k + 1; j < std::min(order.size(), k + 1 + kNeighbours); ++j) {
           const auto [a, b] = std::minmax(alive_[order[k]], alive_[order[j]]);
-          pairs.push_back({static_cast<float>(cost(a, b)), a, b});
+          pairs.push_back({cost(a, b), a, b});
         }
       }
     }
@@ -128,14 +129,15 @@ class Merger {
   }
 
   // How much larger the whole is than its parts and how their colours differ, as far as there is something of both.
-  double cost(std::size_t a, std::size_t b) const {
+  float cost(std::size_t a, std::size_t b) const {
     const GaussianMoments &x = moments_[a], &y = moments_[b];
     const GaussianMoments whole = merged(x, y);
     const double parts = (x.mass * areas_[a] + y.mass * areas_[b]) / whole.mass;
     const double growth = std::log(std::max(nearArea(whole.covariance) / parts, 1.0));
-    const glm::vec3 color = colors_[a] - colors_[b];
-    return x.mass * y.mass / whole.mass *
-           (growth + kColorPart * static_cast<double>(glm::dot(color, color)) + kLeastCost);
+    const glm::dvec3 color = glm::dvec3(colors_[a]) - glm::dvec3(colors_[b]);  // which floats may not hold
+    const double cost = x.mass * y.mass / whole.mass * (growth + kColorPart * glm::dot(color, color) + kLeastCost);
+    // Pairs are sorted by it: a number always.
+    return std::isfinite(cost) ? static_cast<float>(std::min(cost, double{FLT_MAX})) : FLT_MAX;
   }
 
   void mergeInto(std::uint32_t a, std::uint32_t b) {

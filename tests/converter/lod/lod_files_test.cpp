@@ -364,6 +364,26 @@ TEST_CASE("levels of detail: a new scene leaves nothing of the old one in its pl
   CHECK(fs::exists(folder / "page.html"));
 }
 
+TEST_CASE("levels of detail: what nobody sees goes first whatever its colour") {
+  constexpr std::size_t kSeen = 20;
+  GaussianModel model;
+  model.sh_degree = 0;
+  for (const bool seen : {true, false}) {
+    for (std::size_t i = 0; i < kSeen; ++i) {
+      model.mean.push_back({static_cast<float>(i), seen ? 0.0f : 0.1f, 0.0f});
+      model.rotation.push_back({1, 0, 0, 0});
+      model.log_scale.push_back(glm::vec3(-3.0f));
+      model.opacity_logit.push_back(seen ? 2.0f : -1e4f);
+      model.sh.push_back(glm::vec3(seen ? 0.1f * static_cast<float>(i) : i % 2 == 0 ? 3e38f : -3e38f));
+    }
+  }
+  const GaussianModel left = coarser(model, 28);  // one round of pairs
+  for (std::size_t i = 0; i < kSeen; ++i) {
+    CAPTURE(i);
+    CHECK(std::ranges::find(left.mean, model.mean[i]) != left.mean.end());
+  }
+}
+
 TEST_CASE("levels of detail: fewer Gaussians than asked for stay, with their textures at half the side") {
   const GaussianModel model = trained(50, true).model;
   const GaussianModel half = coarser(model, 60);
