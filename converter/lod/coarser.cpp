@@ -31,6 +31,7 @@ constexpr double kColorPart = 0.3;      // of a pair's cost, for a squared diffe
 GaussianModel withHalfTextures(const GaussianModel& model) {
   if (!isTextured(model)) return withoutTextures(model);
   GaussianModel half = model;
+  neutralize(half.atlas.texels, half.texture_mode);  // moments and means take all channels
   const GaussianModel means = bakeFallback(model, FallbackScale::kept);
   std::vector<glm::ivec2> sizes(model.size(), glm::ivec2(0));
   bool textured = false;
@@ -45,7 +46,7 @@ GaussianModel withHalfTextures(const GaussianModel& model) {
     }
   }
   if (!textured) return withoutTextures(half);
-  half.atlas = resizedAtlas(model.atlas, sizes);
+  half.atlas = resizedAtlas(half.atlas, sizes);
   return half;
 }
 

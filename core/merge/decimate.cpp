@@ -215,6 +215,7 @@ void decimateByMerging(GaussianModel& model, std::size_t count, std::vector<doub
   TG_ASSERT(lengthsAgree(model) && weights.size() == model.size(), "the model's arrays have their lengths");
   if (count == 0) throw Error(ErrorKind::usage, "decimation to no Gaussians at all (expected at least 1)");
   if (count >= model.size()) return;
+  neutralize(model.atlas.texels, model.texture_mode);  // moments and merged textures take all channels
   PairMerger merger(model, std::move(weights));
   while (model.size() > count) {
     const auto part = static_cast<std::size_t>(kRoundPart * static_cast<double>(model.size()));

@@ -448,6 +448,21 @@ TEST_CASE("two halves of a textured Gaussian merge into what they showed") {
   CHECK(found > psnr(before, picture(removed, camera)) + 15.0);
 }
 
+TEST_CASE("pairs are merged without a look at a channel that the textures do not use") {
+  for (const TextureMode mode : {TextureMode::rgb, TextureMode::alpha}) {
+    GaussianModel plain = test::trainedLikeModel(5, 40);
+    plain.texture_mode = mode;
+    GaussianModel other = plain;
+    neutralize(plain.atlas.texels, mode);
+    for (glm::vec4& texel : other.atlas.texels)
+      texel = mode == TextureMode::rgb ? glm::vec4(glm::vec3(texel), 0.0f) : glm::vec4(7.0f, -7.0f, 5.0f, texel.a);
+    decimateByMerging(plain, 10, std::vector<double>(40, 1.0));
+    decimateByMerging(other, 10, std::vector<double>(40, 1.0));
+    CAPTURE(name(mode));
+    CHECK(other == plain);
+  }
+}
+
 TEST_CASE("textures as long as files may have them merge into one of no more texels and no endless side") {
   const auto merged = [](glm::ivec2 a, glm::ivec2 b) {
     GaussianModel model;

@@ -384,6 +384,19 @@ TEST_CASE("levels of detail: what nobody sees goes first whatever its colour") {
   }
 }
 
+TEST_CASE("levels of detail: a channel that a model's textures do not use is not looked at") {
+  for (const TextureMode mode : {TextureMode::rgb, TextureMode::alpha}) {
+    GaussianModel plain = trained(50, true).model;
+    plain.texture_mode = mode;
+    GaussianModel other = plain;
+    neutralize(plain.atlas.texels, mode);
+    for (glm::vec4& texel : other.atlas.texels)
+      texel = mode == TextureMode::rgb ? glm::vec4(glm::vec3(texel), 0.0f) : glm::vec4(7.0f, -7.0f, 5.0f, texel.a);
+    CAPTURE(name(mode));
+    for (const std::size_t count : {60u, 13u}) CHECK(coarser(other, count) == coarser(plain, count));
+  }
+}
+
 TEST_CASE("levels of detail: fewer Gaussians than asked for stay, with their textures at half the side") {
   const GaussianModel model = trained(50, true).model;
   const GaussianModel half = coarser(model, 60);
