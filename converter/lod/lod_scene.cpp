@@ -7,6 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <queue>
+#include <utility>
 
 #include "converter/lod/lod_names.h"
 #include "converter/sog/sog.h"
@@ -82,15 +83,10 @@ class Parser {
       scene_.files.push_back(insideName(names, names.element(i).string()));
     }
     scene_.file_counts.assign(scene_.files.size(), 0);
-    named_.assign(scene_.files.size(), 0);
     scene_.counts.assign(static_cast<std::size_t>(scene_.levels), 0);
     addNode(root.at("tree").object());
     if (scene_.leaves.empty()) root.fail("the tree has no leaves");
-    for (std::size_t file = 0; file < named_.size(); ++file) {  // else a small file is a large model
-      if (named_[file] <= scene_.file_counts[file]) continue;
-      root.fail("ranges of Gaussians overlap in " + printable(scene_.files[file]) +
-                atMost(scene_.file_counts[file], named_[file]));
-    }
+    requireWhole(root);
     scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
     if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
   }
@@ -121,7 +117,7 @@ class Parser {
       range.count = static_cast<std::uint32_t>(entry.integer("count", 0, most - range.first));
       if (range.count == 0) continue;
       const bool repeated = std::ranges::find(given, std::optional(range)) != given.end();
-      if (!repeated) named_[range.file] += range.count;
+      if (!repeated) ranges_.push_back(range);
       given[static_cast<std::size_t>(level)] = range;
       std::uint32_t& held = scene_.file_counts[range.file];
       held = std::max(held, range.first + range.count);
@@ -135,6 +131,23 @@ class Parser {
       scene_.counts[level] += last.count;
     }
     scene_.leaves.push_back(std::move(leaf));
+  }
+
+  // Ranges of a file lie one behind the other: else a small file is a large model, or some of it is never shown.
+  void requireWhole(const JsonNode& root) {
+    std::ranges::sort(ranges_, {}, [](const LodRange& range) { return std::pair(range.file, range.first); });
+    std::uint32_t file = 0, end = 0;
+    for (const LodRange& range : ranges_) {
+      if (range.file != file) end = 0;
+      file = range.file;
+      if (range.first != end) {
+        const std::string name = printable(scene_.files[file]);
+        root.fail("ranges of Gaussians " +
+                  (range.first < end ? "overlap in " + name : "leave some of " + name + " out") +
+                  expectedFound("one from " + std::to_string(end) + " on", std::to_string(range.first)));
+      }
+      end = range.first + range.count;
+    }
   }
 
   void parseOwn(const JsonNode& own) {
@@ -152,7 +165,7 @@ class Parser {
   }
 
   LodScene& scene_;
-  std::vector<std::uint64_t> named_;  // [files] Gaussians of all ranges, without those that a leaf repeats
+  std::vector<LodRange> ranges_;  // of all leaves, without those that a leaf repeats
 };
 
 // Planes of the picture, a tenth of it wider at each side: a point p is inside where dot(plane, p - eye) >= 0.
