@@ -157,26 +157,38 @@ class NewFolder {
 
   const fs::path& path() const { return path_; }
 
-  // The first of 0, 1, 2, ... beside it that nothing has.
-  std::string settle() {
-    constexpr int kTries = 1000;
-    std::error_code status;
-    for (int number = 0; number < kTries; ++number) {
-      const std::string name = std::to_string(number);
-      const fs::path wanted = path_.parent_path() / name;
-      if (fs::exists(wanted, status)) continue;
-      fs::rename(path_, wanted, status);
-      if (status) continue;
-      path_ = wanted;
-      removed_.reset();  // a signal must not take what lod-meta.json is about to name
-      return name;
+  // The first number from `from` on that nothing beside it has as its name. Throws Error(cannotWrite).
+  int freeNumber(int from) const {
+    constexpr int kNumbers = 1000;
+    for (int number = from; number < kNumbers; ++number) {
+      if (!isTaken(number)) return number;
     }
-    throw Error(ErrorKind::cannotWrite, path_.parent_path().string(),
-                "cannot name the folder of files: " + status.message());
+    throw cannotName("0 to " + std::to_string(kNumbers - 1) + " are there already");
+  }
+  // Gives it the number as its name; false where something has come by that name. Throws Error(cannotWrite).
+  bool settle(int number) {
+    std::error_code status;
+    fs::rename(path_, beside(number), status);
+    if (status) {
+      if (isTaken(number)) return false;
+      throw cannotName(status.message());
+    }
+    path_ = beside(number);
+    removed_.reset();  // a signal must not take what lod-meta.json is about to name
+    return true;
   }
   void keep() { path_.clear(); }
 
  private:
+  fs::path beside(int number) const { return path_.parent_path() / std::to_string(number); }
+  bool isTaken(int number) const {
+    std::error_code ignored;
+    return fs::exists(fs::symlink_status(beside(number), ignored));  // a link to nothing takes it, too
+  }
+  Error cannotName(const std::string& reason) const {
+    return {ErrorKind::cannotWrite, path_.parent_path().string(), "cannot name the folder of files: " + reason};
+  }
+
   fs::path path_;
   std::optional<RemovedBySignal> removed_;
 };
@@ -188,7 +200,7 @@ bool allOf(std::string_view text, const char* known) {
   return !text.empty() && text.find_first_not_of(known) == std::string_view::npos;
 }
 
-// N/NAME with the folder N, a number as settle() gives it; the name's part behind it, "" where it is another's.
+// N/NAME with the folder N, a number as freeNumber() gives it; the name's part behind it, "" where it is another's.
 std::string_view inFolder(std::string_view file, std::string_view folder) {
   return file.starts_with(folder) && allOf(folder.substr(0, folder.size() - 1), kDigits) ? file.substr(folder.size())
                                                                                          : std::string_view();
@@ -287,13 +299,8 @@ class Writer {
     makeLevels(counts);
     writeFiles(folder.path());
     if (!cameras.empty()) add(folder.path() / kCamerasName, cameras);
-    const std::string name = folder.settle();
-    const std::string meta = dumpJson(metaOf(counts, name));
-    // What is there goes for what can be read.
-    (void)parseLodScene({reinterpret_cast<const std::uint8_t*>(meta.data()), meta.size()}, path_.string());
-    writeTextAtomically(path_, meta);
+    commitMeta(folder, counts);
     folder.keep();
-    bytes_ += meta.size();
     removeFiles(before, parent);
     filled.keep();
     report_.files = files_.size();
@@ -303,6 +310,22 @@ class Writer {
   }
 
  private:
+  // The folder's name and lod-meta.json, which tells it: all that takes time comes before both get their names, since
+  // a program that is killed between leaves a folder that no file names.
+  void commitMeta(NewFolder& folder, const std::vector<std::vector<std::size_t>>& counts) {
+    for (int number = folder.freeNumber(0);; number = folder.freeNumber(number)) {
+      const std::string meta = dumpJson(metaOf(counts, std::to_string(number)));
+      const std::span bytes(reinterpret_cast<const std::uint8_t*>(meta.data()), meta.size());
+      (void)parseLodScene(bytes, path_.string());  // what is there goes for what can be read
+      AtomicFiles files;
+      files.add(path_, bytes);
+      if (!folder.settle(number)) continue;
+      files.commit();
+      bytes_ += meta.size();
+      return;
+    }
+  }
+
   void makeLevels(const std::vector<std::vector<std::size_t>>& counts) {
     parallelFor(static_cast<std::int64_t>(tree_.leaves.size()), 1, [&](std::int64_t item) {
       const auto i = static_cast<std::size_t>(item);

@@ -50,7 +50,7 @@ def written_formats(programs):
 def writing(kind, model):
     convert = ["tgconvert", "--quiet", "--overwrite", "model.tgz"]
     if kind.endswith(".json"):  # a name of its own, with its parts beside it
-        # Killed, lod-meta.json leaves a folder that no file names, and the next one counts on from it.
+        # The folder of files beside lod-meta.json has another number when it is called again: count_unnamed().
         kinds = CODES if kind == "lod-meta.json" else (*CODES, "kill")
         return Scenario(f"write {kind}", [*convert, f"out/{kind}"], "out", [model], kinds, older=False, parts=True)
     return Scenario(f"write {kind}", [*convert, f"out.{kind}"], f"out.{kind}", [model])
@@ -230,6 +230,19 @@ class Runner:
                     self.complain(scenario, kind, k, f"({told}): {wrong}")
 
 
+    def count_unnamed(self, scenario):
+        """Killed, lod-meta.json may leave a folder that no file names, but before one call alone: the one that gives it
+        its name, behind the one that gives the folder its own."""
+        calls = int(dict(line.split() for line in self.run(scenario, "all", 0)[2].splitlines())["kill"])
+        unnamed = []
+        for k in range(max(1, calls - 15), calls + 1):
+            files = self.run(scenario, "kill", k)[1]
+            if "out/lod-meta.json" not in files and any(name.startswith("out/0/") for name in files):
+                unnamed.append(k)
+        if len(unnamed) != 1:
+            self.complain(scenario, "kill", unnamed, f"(of {calls}) leave a folder that no file names (expected one)")
+
+
 def prepare(options, folder):
     """A model of 30 textured Gaussians, and a data set of four small pictures."""
     def call(*command):
@@ -283,6 +296,8 @@ def main():
                     print(f"{scenario.name}: not run, there is no Xvfb")
                     continue
                 runner.sweep(scenario)
+                if scenario.name == "write lod-meta.json" and options.kind in ("", "kill"):
+                    runner.count_unnamed(scenario)
     print(f"{runner.runs} runs, {len(runner.failures)} wrong")
     sys.exit(1 if runner.failures else 0)
 

@@ -364,6 +364,20 @@ TEST_CASE("levels of detail: a new scene leaves nothing of the old one in its pl
   CHECK(fs::exists(folder / "page.html"));
 }
 
+TEST_CASE("levels of detail: a folder in which all numbers are taken is told as such and left as it was") {
+  const Scratch scratch;
+  for (int number = 0; number < 1000; ++number) fs::create_directory(scratch.folder() / std::to_string(number));
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  CHECK(test::messageOf([&] { writeLod(path, trained(50, false)); }, ErrorKind::cannotWrite) ==
+        scratch.folder().string() + ": cannot name the folder of files: 0 to 999 are there already");
+  CHECK(std::distance(fs::directory_iterator(scratch.folder()), fs::directory_iterator()) == 1000);
+  fs::remove(scratch.folder() / "0");
+  fs::create_symlink("nothing", scratch.folder() / "0");
+  fs::remove(scratch.folder() / "998");
+  writeLod(path, trained(50, false));
+  CHECK(readLodScene(path).files.front() == "998/0_0/meta.json");
+}
+
 TEST_CASE("levels of detail: what nobody sees goes first whatever its colour") {
   constexpr std::size_t kSeen = 20;
   GaussianModel model;
