@@ -100,14 +100,14 @@ expect('the cases tell levels apart', scenes.length > 0 && differing > 10, diffe
 // What is missing at a level is shown by the next finer one, else by the next coarser.
 const gap = await parseLodMeta(bytesOf({
   lodLevels: 4, filenames: ['a/meta.json', 'b/meta.json'],
-  tree: {bound: {min: [0, 0, 0], max: [1, 1, 1]}, lods: {1: {file: 0, offset: 3, count: 9}, 2: {file: 1, count: 2}}},
+  tree: {bound: {min: [0, 0, 0], max: [1, 1, 1]}, lods: {1: {file: 0, offset: 0, count: 9}, 2: {file: 1, count: 2}}},
 }));
 expect('levels are filled', gap.leaves[0].levels.map(({level}) => level).join() === '1,1,2,2', gap.leaves[0].levels);
 const {box, means} = gap.leaves[0];
 expect('a box is turned, and stands for that of the means', box === means && box.low.join() === '-1,-1,0' &&
   box.high.join() === '0,0,1', box.low);
 
-// A small file is no large scene: ranges of a file's Gaussians do not overlap, but those of one leaf.
+// A small file is no large scene: ranges of a file's Gaussians do not overlap, but those of one leaf, and fill it.
 {
   const bound = {min: [0, 0, 0], max: [1, 1, 1]};
   const scene = (...leaves) => parseLodMeta(bytesOf({lodLevels: 2, filenames: ['a/meta.json', 'b/meta.json'],
@@ -119,8 +119,13 @@ expect('a box is turned, and stands for that of the means', box === means && box
   const twice = await scene({0: range(0, 0, 9), 1: range(0, 0, 9)});
   expect('a range for two levels of a leaf', twice === 9, twice);
   const overlap = await scene({0: range(0, 0, 9), 1: range(1, 0, 3)}, {0: range(0, 5, 5), 1: range(1, 3, 2)});
-  const words = 'ranges of Gaussians overlap in a/meta.json (expected at most 10, found 14)';
-  expect('ranges that overlap', overlap === `lod-meta.json: /tree: ${words}`, overlap);
+  const words = (what, end, first) =>
+    `lod-meta.json: /tree: ranges of Gaussians ${what} (expected one from ${end} on, found ${first})`;
+  expect('ranges that overlap', overlap === words('overlap in a/meta.json', 9, 5), overlap);
+  const same = await scene({0: range(0, 0, 9)}, {0: range(0, 0, 9)}, {0: range(0, 18, 9)});
+  expect('ranges that overlap as much as they leave out', same === words('overlap in a/meta.json', 9, 0), same);
+  const apart = await scene({0: range(0, 10, 5)}, {0: range(0, 0, 9)});
+  expect('ranges with a gap', apart === words('leave some of a/meta.json out', 9, 10), apart);
 }
 
 // Spoilt ones are refused with a sentence, never by a slip of the reader's own.

@@ -87,7 +87,7 @@ export async function parseLodMeta(bytes) {
     scene.pieces.push(piece);
     return piece;
   };
-  const held = new Map(), named = new Map();  // by file: Gaussians that it has to hold, and that leaves name
+  const ranges = new Map(scene.files.map((file) => [file, []]));  // pieces without those that a leaf repeats
   const left = [[meta.tree, '/tree']];  // JSON holds no circles
   for (let nodes = 0; left.length > 0; ++nodes) {
     if (nodes % NODES_AT_A_TIME === 0) await breathe();
@@ -106,19 +106,21 @@ export async function parseLodMeta(bytes) {
     const found = Array.from({length: levels}, (_, level) => readPiece(lods[level], level, where));
     const pieces = found.filter(Boolean);
     for (const [at, {file, first, count}] of pieces.entries()) {
-      held.set(file, Math.max(held.get(file) || 0, first + count));
       const same = (piece) => piece.file === file && piece.first === first && piece.count === count;
-      if (!pieces.slice(0, at).some(same)) named.set(file, (named.get(file) || 0) + count);
+      if (!pieces.slice(0, at).some(same)) ranges.get(file).push({first, count});
     }
     if (pieces.length === 0) continue;
     scene.leaves.push({box, means, pieces, levels: filled(found)});
     scene.count += pieces[0].count;
   }
   expectThat(scene.leaves.length > 0, '/tree', 'expected a leaf with Gaussians');
-  for (const [file, count] of named) {  // else a small file is a large scene
-    const most = held.get(file);
-    expectThat(count <= most, '/tree', `ranges of Gaussians overlap in ${file.name} (expected at most ${most}, ` +
-               `found ${count})`);
+  for (const [{name}, parts] of ranges) {  // else a small file is a large scene, or some of it is never shown
+    let end = 0;
+    for (const {first, count} of parts.sort((a, b) => a.first - b.first)) {
+      const what = first < end ? `overlap in ${name}` : `leave some of ${name} out`;
+      expectThat(first === end, '/tree', `ranges of Gaussians ${what} (expected one from ${end} on, found ${first})`);
+      end += count;
+    }
   }
   return scene;
 }
