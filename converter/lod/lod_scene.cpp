@@ -86,7 +86,7 @@ class Parser {
     scene_.counts.assign(static_cast<std::size_t>(scene_.levels), 0);
     addNode(root.at("tree").object());
     if (scene_.leaves.empty()) root.fail("the tree has no leaves");
-    requireWhole(root);
+    requireApart(root);
     scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
     if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
   }
@@ -133,17 +133,15 @@ class Parser {
     scene_.leaves.push_back(std::move(leaf));
   }
 
-  // Ranges of a file lie one behind the other: else a small file is a large model, or some of it is never shown.
-  void requireWhole(const JsonNode& root) {
+  // Ranges of a file lie one behind the other: else a small file is a large model.
+  void requireApart(const JsonNode& root) {
     std::ranges::sort(ranges_, {}, [](const LodRange& range) { return std::pair(range.file, range.first); });
     std::uint32_t file = 0, end = 0;
     for (const LodRange& range : ranges_) {
       if (range.file != file) end = 0;
       file = range.file;
-      if (range.first != end) {
-        const std::string name = printable(scene_.files[file]);
-        root.fail("ranges of Gaussians " +
-                  (range.first < end ? "overlap in " + name : "leave some of " + name + " out") +
+      if (range.first < end) {
+        root.fail("ranges of Gaussians overlap in " + printable(scene_.files[file]) +
                   expectedFound("one from " + std::to_string(end) + " on", std::to_string(range.first)));
       }
       end = range.first + range.count;

@@ -105,6 +105,15 @@ for (const cost of [80, 700]) {
   const [, last] = replay(await makeViewer({cost}), 400, 8);
   expect(`a device that takes ${cost} ms`, last < 0.9, last);
 }
+for (const cost of [20, 30, 40, 60, 80]) {
+  const viewer = await makeViewer({cost}), scales = new Set();
+  replay(viewer, 400, 8);
+  for (let input = 0; input < 200; ++input) {
+    replay(viewer, 1, 8);
+    scales.add(viewer.motionScale);
+  }
+  expect(`resolutions of a long movement at ${cost} ms`, scales.size === 1, [...scales]);
+}
 for (const rate of [60, 50, 30]) {
   period = 1000 / rate;
   const viewer = await makeViewer({cost: 4});
@@ -145,16 +154,17 @@ window.devicePixelRatio = 1;
 
 // The wheel is the page's own where there is nothing to zoom.
 {
-  const turn = (viewer, deltaY) => {
+  const turn = (viewer, deltaY, cancelable = true) => {
     let taken = false;
-    viewer.canvas.listeners.wheel({deltaY, deltaMode: 0, preventDefault: () => { taken = true; }});
+    viewer.canvas.listeners.wheel({deltaY, deltaMode: 0, cancelable, preventDefault: () => { taken = true; }});
     return taken;
   };
   const empty = await makeViewer({model: null}), viewer = await makeViewer();
   for (const one of [empty, viewer]) listenToHands(one);
   expect('a wheel before there is a model', !turn(empty, 100), 'taken');
   viewer.play();
-  expect('a swipe to the side during a flight', !turn(viewer, 0) && viewer.playing, viewer.playing);
+  expect('a swipe to the side during a flight', turn(viewer, 0) && viewer.playing, viewer.playing);
+  expect('a wheel of a gesture that the page has', !turn(viewer, 100, false) && viewer.playing, viewer.playing);
   expect('a wheel', turn(viewer, 100) && !viewer.playing, viewer.playing);
 }
 
@@ -178,6 +188,10 @@ window.devicePixelRatio = 1;
     [() => empty.jump(0), 'there is no model yet'],
     [() => empty.jump(-1), 'there is no model yet'],
     [() => empty.jumpToView(0), 'there is no model yet'],
+    [() => empty.apply({camera: 0}), 'there is no model yet'],
+    [() => empty.apply({camera: eye}), 'there is no model yet'],
+    [() => empty.apply({view: 0}), 'there is no model yet'],
+    [() => empty.apply({'splat-budget': 5}), 'there is no model yet'],
   ]) {
     const found = told(call);
     expect(words, found.startsWith(words) && found !== 'nothing', found);

@@ -175,7 +175,7 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
       await this.viewer.settled();
     } finally {
       if (!this.model) this.sleep();
-      else this.endStill();
+      else if (this.viewer.splats) this.endStill();
     }
   }
 

@@ -336,12 +336,10 @@ async function readLayers(file, primitives) {
   return joined;
 }
 
-const areNumbers = (list, count) => Array.isArray(list) && list.length === count && list.every(Number.isFinite);
-
 // A pinhole camera of a node, or of what stands for one, or null: `own` is what this toolchain's files add.
 function readCamera({name, rotation, translation}, lens, own) {
   const quaternion = rotation || [0, 0, 0, 1], eye = translation || [0, 0, 0];
-  if (!areNumbers(quaternion, 4) || !areNumbers(eye, 3)) return null;
+  if (!isNumbers(quaternion, 4) || !isNumbers(eye, 3)) return null;
   const length = Math.hypot(...quaternion);
   const [x, y, z, w] = quaternion.map((component) => component / length);
   const axes = [  // glTF cameras look along -z with y up: a half turn about x

@@ -49,8 +49,10 @@ export function listenToHands(viewer) {
   }
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
   canvas.addEventListener('wheel', (event) => {
-    if (!viewer.model || event.deltaY === 0) return;  // the page scrolls
+    // Where there is nothing to zoom the page scrolls. A gesture that began so cannot be taken later.
+    if (!viewer.model || !event.cancelable) return;
     event.preventDefault();
+    if (event.deltaY === 0) return;
     // A pinch on a trackpad comes as a wheel with Ctrl, in steps of a few pixels.
     const pixels = event.deltaY * (event.deltaMode === 0 ? 1 : 16) * (event.ctrlKey ? 8 : 1);
     viewer.orbit.dolly(Math.exp(0.0015 * Math.max(-300, Math.min(300, pixels))));

@@ -134,7 +134,10 @@ export class Viewer {
   /** Gives the WebGL context back, of which a browser has few, until resume(). A canvas with what was seen. */
   release(): HTMLCanvasElement;
   resume(): Promise<void>;
-  /** A PNG as a data URL; of a scene with levels of detail once all is there that the view wants. */
+  /**
+   * A PNG as a data URL; of a scene with levels of detail once all is there that the view wants. Pictures are taken one
+   * after the other, and the settings stay: they are applied when the pictures before are there.
+   */
   picture(settings?: ViewerSettings): Promise<string>;
   dispose(): void;
 }

@@ -33,6 +33,7 @@ export class Viewer {
     this.viewIndex = -1;
     this.left = NOWHERE;      // the two indices as they were before it was none of them
     this.motionScale = 1;     // resolution while the camera moves
+    this.tooMuch = Infinity;  // a resolution that was too slow in this movement
     this.lastInput = -Infinity;
     this.lastFrame = 0;
     this.askedAt = 0;         // when a frame was asked for first since then; 0: it was not
@@ -183,8 +184,12 @@ export class Viewer {
     return null;
   }
 
-  need(index, views) {
+  requireModel() {
     if (!this.model) throw new Error('there is no model yet');
+  }
+
+  need(index, views) {
+    this.requireModel();
     if (!(views ? this.model.views : this.model.cameras)[index]) throw noSuchCamera(this.model, index, views);
   }
 
@@ -285,7 +290,10 @@ export class Viewer {
   get moving() { return performance.now() - this.lastInput < REST_MILLISECONDS; }
 
   frame(time) {
-    if (this.lost || this.renderer.gl.isContextLost()) return;  // whoever waits does so for restore()
+    if (this.lost || this.renderer.gl.isContextLost()) {
+      this.askedAt = 0;
+      return;  // whoever waits does so for restore()
+    }
     if (!this.renderer.idle) {  // a picture that the device cannot begin yet would hold up the page
       setTimeout(() => this.changed(), PATIENCE_MILLISECONDS);
       return;
@@ -299,20 +307,33 @@ export class Viewer {
     this.lastFrame = now;
     this.askedAt = 0;
     if (this.moving) {
-      if (took > SLOW_FRAME) this.motionScale = Math.max(0.8 * this.motionScale, 0.25);
-      if (took < FAST_FRAME) this.motionScale = Math.min(1.1 * this.motionScale, 1);
-      this.took = took;
+      this.adapt(took);
+    } else {
+      this.tooMuch = Infinity;
     }
     const unfinished = this.moving || !this.splats.sorted;
     if (this.waiting.length > 0 && unfinished) return;  // whoever waits looks at the finished picture only
     this.draw(this.moving ? this.motionScale : 1);
-    if (unfinished) return;
+    if (unfinished || !this.splats.sorted) return;  // a new size wants a new order
     const {failure} = this.splats;
     for (const {resolve, reject} of this.waiting.splice(0)) {
       if (failure) reject(failure);
       else resolve();
     }
     if (this.toFly) this.play();
+  }
+
+  // The resolution of the next frames of a movement, of which none goes back to one that was too much: frames take whole
+  // periods of a screen, between which there may be nothing that suits.
+  adapt(took) {
+    this.took = took;
+    if (took > SLOW_FRAME) {
+      this.tooMuch = this.motionScale;
+      this.motionScale = Math.max(0.8 * this.motionScale, 0.25);
+    } else if (took < FAST_FRAME) {
+      const more = Math.min(1.1 * this.motionScale, 1);
+      if (more < this.tooMuch) this.motionScale = more;
+    }
   }
 
   draw(scale) {
@@ -411,6 +432,7 @@ export class Viewer {
     if (!(Number.isInteger(budget) && budget > 0)) {
       throw new Error(`splat-budget=${wanted} (expected a number of Gaussians)`);
     }
+    this.requireModel();
     const {lod} = this.model;
     if (!lod) return;
     lod.budget = budget;
@@ -432,6 +454,7 @@ export class Viewer {
   }
 
   setCamera(wanted) {
+    this.requireModel();
     if (wanted !== null && typeof wanted === 'object') {
       this.orbit.set(wanted);
       this.moved();
@@ -447,6 +470,7 @@ export class Viewer {
   }
 
   setView(wanted) {
+    this.requireModel();
     const {views} = this.model;
     const named = views.findIndex(({name}) => name === wanted);
     const index = named >= 0 ? named : wanted === '' ? NaN : Number(wanted);
