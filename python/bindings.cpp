@@ -709,8 +709,9 @@ the source's [dB], 1 to 100. texture_step: between a texture's colours, 1/1024 t
 named views out. views: named views of .glb, .gltf and .html in place of the source's. base_only: of a .glb, .gltf,
 .html, .sog, lod-meta or tileset that is read, without its textures. lean: .glb and .gltf without the numbers that only
 bring a .ply back bit by bit. atlas: texels of .glb, .gltf, .html and .png as "png8", "png16", "exr" or "webp".
-spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim, what viewers without
-textures show looks right in this one, as "three". dry_run: find out how large the file would be and write nothing.)");
+spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim, what
+viewers without textures show looks right in this one, as "three". dry_run: find out how large the file would be and
+write nothing.)");
 }
 
 }  // namespace

@@ -13,7 +13,10 @@ names() {  # PROGRAM FLAG: that it takes, of the old build, since both make them
 }
 
 formats=$(names tgconvert --to) shows=$(names tgview --show)
-[ -n "$formats" ] && [ -n "$shows" ] || { echo "compare_builds.sh: $old: the completions name no formats, no outputs" >&2; exit 1; }
+if [ -z "$formats" ] || [ -z "$shows" ]; then
+  echo "compare_builds.sh: $old: completions without formats or outputs (expected those of --to and --show)" >&2
+  exit 1
+fi
 
 outputs() {  # PROGRAMS: everything into the working folder, by relative names, since some outputs hold the names
   local bin=$1 format backend show

@@ -7,8 +7,8 @@
 
 namespace tg {
 
-// `parameters` are, in a file's order: f one focal length, x and y two, c the principal point, then Lens's k, d, p, t in
-// their order, o the FOV model's angle.
+// `parameters` are, in a file's order: f one focal length, x and y two, c the principal point, then Lens's k, d, p, t
+// in their order, o the FOV model's angle.
 struct ColmapCameraModel {
   std::string_view name;
   const char* parameters;  // null: not supported

@@ -323,8 +323,8 @@ export class Viewer {
     if (this.toFly) this.play();
   }
 
-  // The resolution of the next frames of a movement, of which none goes back to one that was too much: frames take whole
-  // periods of a screen, between which there may be nothing that suits.
+  // The resolution of the next frames of a movement, of which none goes back to one that was too much: frames take
+  // whole periods of a screen, between which there may be nothing that suits.
   adapt(took) {
     this.took = took;
     if (took > SLOW_FRAME) {
