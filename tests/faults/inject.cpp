@@ -17,6 +17,7 @@
 
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <link.h>
 #include <pthread.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
@@ -86,16 +87,17 @@ constexpr std::size_t kLeast = 1024;
 
 // libcrypto (3.0.19, when it starts) and libarchive (3.6.2, when it writes a ZIP) crash, libarchive and OpenEXR
 // (3.1.5) report something else.
-bool copesWithNone(const void* caller) {
-  Dl_info library{};
-  if (dladdr(caller, &library) == 0) return false;
+bool copesWithNone(void* caller) {
+  // dladdr() would wait for a lock that a thread in dlopen() holds while it waits for one of this allocation's caller.
+  dl_find_object library{};
+  if (_dl_find_object(caller, &library) != 0) return false;
   for (const char* name : {"libcrypto", "libarchive", "libOpenEXR"}) {
-    if (std::strstr(library.dli_fname, name)) return true;
+    if (std::strstr(library.dlfo_link_map->l_name, name)) return true;
   }
   return false;
 }
 
-bool noMemory(std::size_t size, const void* caller) {
+bool noMemory(std::size_t size, void* caller) {
   return counting.load(std::memory_order_relaxed) && size >= kLeast && !copesWithNone(caller) &&
          fails("memory", ENOMEM);
 }
