@@ -21,7 +21,20 @@ struct StreamLimits {
   std::uint64_t most_line = std::numeric_limits<std::uint64_t>::max();  // [bytes] of a head
 };
 
-// A request and its answer on a connection that stays open. `stopped` is asked ten times a second.
+// Whether poll() has one of `events` to tell of that socket before then. `stopped`, asked ten times a second, ends the
+// wait, too.
+inline bool waitFor(int socket, short events, std::chrono::steady_clock::time_point until,
+                    const std::function<bool()>& stopped) {
+  while (!stopped() && std::chrono::steady_clock::now() < until) {
+    pollfd asked{socket, events, 0};
+    const int result = ::poll(&asked, 1, 100);
+    if (result > 0) return true;
+    if (result < 0 && errno != EINTR) return false;
+  }
+  return false;
+}
+
+// A request and its answer on a connection that stays open. `stopped`: as of waitFor().
 class BoundedStream : public httplib::Stream {
  public:
   BoundedStream(int socket, const StreamLimits& limits, std::function<bool()> stopped)
@@ -77,17 +90,10 @@ class BoundedStream : public httplib::Stream {
     return true;
   }
 
-  // In pieces, so that the end of the program is not held up.
   bool ready(short events, int seconds, int stall_seconds) const {
     const auto until =
         std::min(start_ + std::chrono::seconds(seconds), Clock::now() + std::chrono::seconds(stall_seconds));
-    while (!stopped_() && Clock::now() < until) {
-      pollfd asked{socket_, events, 0};
-      const int result = ::poll(&asked, 1, 100);
-      if (result > 0) return true;
-      if (result < 0 && errno != EINTR) return false;
-    }
-    return false;
+    return waitFor(socket_, events, until, stopped_);
   }
 
   const int socket_;

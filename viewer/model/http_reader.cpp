@@ -2,15 +2,20 @@
 // cpp-httplib on bounded streams.
 #include "viewer/model/http_reader.h"
 
+#include <fcntl.h>
 #include <httplib.h>
+#include <netdb.h>
+#include <sys/socket.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <utility>
 
 #include "converter/serve/bounded_stream.h"
 #include "core/file/file.h"
+#include "core/system/descriptor.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 
@@ -46,7 +51,6 @@ class HttpReader::Client : public httplib::ClientImpl {
       : httplib::ClientImpl(host, port), stall_seconds_(stall_seconds) {
     set_keep_alive(true);
     set_decompress(false);
-    set_connection_timeout(kConnectSeconds);
   }
 
   // Of the request at hand.
@@ -54,6 +58,36 @@ class HttpReader::Client : public httplib::ClientImpl {
   std::stop_token stop;
 
  private:
+  // The library's own waits to its end, whoever is told to stop.
+  bool create_and_connect_socket(Socket& socket, httplib::Error& error) override {
+    addrinfo wanted{};
+    wanted.ai_socktype = SOCK_STREAM;
+    addrinfo* found = nullptr;
+    if (::getaddrinfo(host_.c_str(), std::to_string(port_).c_str(), &wanted, &found) == 0) {
+      for (const addrinfo* at = found; at && !socket.is_open(); at = at->ai_next) socket.sock = connected(*at);
+      ::freeaddrinfo(found);
+    }
+    if (!socket.is_open()) error = httplib::Error::Connection;
+    return socket.is_open();
+  }
+
+  // -1: nobody answers in time, or `stop` was asked for.
+  int connected(const addrinfo& address) const {
+    Descriptor made(::socket(address.ai_family, address.ai_socktype | SOCK_CLOEXEC, address.ai_protocol));
+    const int flags = ::fcntl(made.get(), F_GETFL);
+    if (flags < 0 || ::fcntl(made.get(), F_SETFL, flags | O_NONBLOCK) != 0) return -1;
+    if (::connect(made.get(), address.ai_addr, address.ai_addrlen) != 0) {
+      const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(kConnectSeconds);
+      int problem = 0;
+      socklen_t size = sizeof problem;
+      if (errno != EINPROGRESS || !waitFor(made.get(), POLLOUT, until, [this] { return stop.stop_requested(); })) {
+        return -1;
+      }
+      if (::getsockopt(made.get(), SOL_SOCKET, SO_ERROR, &problem, &size) != 0 || problem != 0) return -1;
+    }
+    return ::fcntl(made.get(), F_SETFL, flags) == 0 ? made.release() : -1;
+  }
+
   bool process_socket(const Socket& socket, std::function<bool(httplib::Stream&)> callback) override {
     // A body in chunks has a line a chunk beside it.
     const StreamLimits limits{.most_read = most + most / 8 + kHeaderBytes,

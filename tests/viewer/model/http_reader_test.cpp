@@ -3,12 +3,16 @@
 #include "viewer/model/http_reader.h"
 
 #include <arpa/inet.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "converter/serve/http.h"
 #include "core/file/file.h"
@@ -33,15 +37,15 @@ HttpServer makeServer() {
   });
 }
 
-// A socket of this machine alone.
-int listening(int& port) {
+// A socket of this machine alone, with so many connections that nobody has accepted yet.
+int listening(int& port, int waiting = 4) {
   const int made = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   socklen_t size = sizeof address;
   REQUIRE(::bind(made, reinterpret_cast<const sockaddr*>(&address), size) == 0);
-  REQUIRE(::listen(made, 4) == 0);
+  REQUIRE(::listen(made, waiting) == 0);
   REQUIRE(::getsockname(made, reinterpret_cast<sockaddr*>(&address), &size) == 0);
   port = ntohs(address.sin_port);
   return made;
@@ -110,6 +114,37 @@ class RawServer {
   int socket_ = -1;
   int port_ = 0;
   std::jthread thread_;
+};
+
+// Accepts nothing, and has no room for another one that waits to be accepted.
+class FullServer {
+ public:
+  FullServer() : socket_(listening(port_, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_port = htons(static_cast<std::uint16_t>(port_));
+    for (bool connects = true; connects;) {
+      const int client = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+      REQUIRE(client >= 0);
+      clients_.push_back(client);
+      connects = ::connect(client, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+      pollfd asked{client, POLLOUT, 0};
+      connects = connects || ::poll(&asked, 1, 200) > 0;
+    }
+  }
+  ~FullServer() {
+    for (const int client : clients_) ::close(client);
+    ::close(socket_);
+  }
+  FullServer& operator=(FullServer&&) = delete;
+
+  std::string address() const { return "http://127.0.0.1:" + std::to_string(port_) + "/scene/a.bin"; }
+
+ private:
+  int port_ = 0;
+  int socket_ = -1;
+  std::vector<int> clients_;
 };
 
 std::string addressOf(const HttpServer& server, const std::string& path) {
@@ -188,13 +223,19 @@ TEST_CASE("an answer over HTTP whose first line goes on is no answer") {
   }
 }
 
-TEST_CASE("a fetch from a server that says nothing ends as soon as it is told to stop") {
+TEST_CASE("a fetch from a server that does not connect or says nothing ends as soon as it is told to stop") {
   const RawServer silent("", "", 0, true);
-  HttpReader reader(silent.address());
-  std::stop_source stop;
-  const std::jthread stopper([&stop] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    stop.request_stop();
-  });
-  CHECK_THROWS_AS(reader.read("", 100, stop.get_token()), ReadCancelled);
+  const FullServer full;
+  for (const std::string& address : {silent.address(), full.address()}) {
+    INFO(address);
+    HttpReader reader(address);
+    std::stop_source stop;
+    const std::jthread stopper([&stop] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      stop.request_stop();
+    });
+    const auto asked = std::chrono::steady_clock::now();
+    CHECK_THROWS_AS(reader.read("", 100, stop.get_token()), ReadCancelled);
+    CHECK(std::chrono::steady_clock::now() - asked < std::chrono::seconds(kConnectSeconds / 2));
+  }
 }
