@@ -31,6 +31,13 @@ OutputRange united(const OutputRange& a, const OutputRange& b) {
 
 FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
 
+// Of the model to compare with.
+PictureRequest otherOf(PictureRequest request) {
+  request.model = request.other->model;
+  request.settings.crop = request.other->crop;
+  return request;
+}
+
 }  // namespace
 
 struct PictureMaker::Loaded {
@@ -178,10 +185,11 @@ void PictureMaker::draw(Picture& picture) {
 void PictureMaker::drawBoth(const PictureRequest& request, Picture& picture, PicturePair& pair) {
   Loaded& first = loaded(request.model);
   Loaded& other = loaded(request.other->model);  // both stay: as many are there at once
+  const PictureRequest others = otherOf(request);
   const std::shared_ptr<PictureImage> image = freeImage(request.camera.size), beside = freeImage(request.camera.size);
   if (first.gpu && !mapsOnHost(request.output, request.settings)) {
     const OutputRange own = drawOnDevice(first, request, *image);
-    const OutputRange both = united(own, drawOnDevice(other, request, *beside, own));
+    const OutputRange both = united(own, drawOnDevice(other, others, *beside, own));
     if (both.least != own.least || both.most != own.most) (void)drawOnDevice(first, request, *image, both);
     picture.scale = scaleOf(request.output, both);
     pair.first = device_.download(*image);
@@ -190,9 +198,11 @@ void PictureMaker::drawBoth(const PictureRequest& request, Picture& picture, Pic
     RenderSettings settings = request.settings;
     settings.outputs = {request.output};
     const Frame frame = first.renderer->render(request.camera, settings);
+    RenderSettings of_other = others.settings;
+    of_other.outputs = settings.outputs;
     ValueScale scale;
     auto [left, right] =
-        visualizeBoth(frame, other.renderer->render(request.camera, settings), request.output, settings, scale);
+        visualizeBoth(frame, other.renderer->render(request.camera, of_other), request.output, settings, scale);
     device_.upload(left, *image);
     device_.upload(right, *beside);
     picture.scale = scale;
@@ -210,7 +220,7 @@ void PictureMaker::drawOther(const PictureRequest& request, Picture& picture, Pi
   const glm::ivec2 size = request.camera.size;
   const std::shared_ptr<PictureImage> image = freeImage(size);
   if (other.model) {
-    (void)drawModel(loaded(other.model), request, *image, &pair.other);
+    (void)drawModel(loaded(other.model), otherOf(request), *image, &pair.other);
   } else {
     if (!photograph_) {
       try {

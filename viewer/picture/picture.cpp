@@ -10,7 +10,7 @@ namespace {
 bool sameView(const Pinhole& a, const Pinhole& b) { return a == b; }  // whatever the cameras' names
 
 bool sameOther(const OtherPicture& a, const OtherPicture& b) {
-  if (a.model != b.model) return false;
+  if (a.model != b.model || (a.model && a.crop != b.crop)) return false;
   if (!a.model && (a.photograph != b.photograph || !sameView(a.taken, b.taken))) return false;
   // Of the other modes only the window's layout differs.
   return hasLegend(a.how.mode) || hasLegend(b.how.mode) ? a.how == b.how : true;

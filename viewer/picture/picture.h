@@ -20,6 +20,7 @@ namespace tg {
 // What a picture is compared with: a model or a photograph.
 struct OtherPicture {
   std::shared_ptr<const GaussianModel> model;  // null: the photograph
+  std::optional<CropBox> crop;                 // of the model, instead of the settings' own
   std::filesystem::path photograph;
   Camera taken;    // the photograph's
   Comparison how;  // what comes of both: the difference or the FLIP map where it is one of these

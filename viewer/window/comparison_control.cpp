@@ -59,6 +59,7 @@ std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, s
   const int document = otherDocument(state);
   if (document >= 0) {
     other.model = state.documents.open[static_cast<std::size_t>(document)].scene.model;
+    if (state.display.crop) other.crop = state.display.box;  // also while one Gaussian of the first is alone
     if (other.model) return other;
   }
   problem = "There is nothing to compare with: open another model";

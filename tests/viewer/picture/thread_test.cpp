@@ -6,6 +6,7 @@
 #include <chrono>
 #include <new>
 #include <thread>
+#include <utility>
 
 #include "core/system/error.h"
 #include "support/catch.h"
@@ -186,6 +187,29 @@ TEST_CASE("a photograph is read once while it is shown, and held no longer") {
   bench.ask(34);
   bench.until(34);
   CHECK(photograph.expired());
+}
+
+TEST_CASE("each of two models is drawn in its own crop box, also where both share a scale") {
+  Bench bench("cpu");
+  for (const Output output : {Output::final, Output::depth}) {
+    INFO(name(output));
+    PictureRequest request;
+    request.model = bench.model;
+    request.camera = test::trainedLikeCamera(32, 24);
+    request.output = output;
+    request.settings.crop = CropBox{glm::vec3(1000), glm::vec3(1000)};  // nothing
+    request.other = OtherPicture{};
+    request.other->model = std::make_shared<const GaussianModel>(test::trainedLikeModel(2, 20));
+    bench.thread.ask(request);
+    const auto beside = bench.until(32).picture->pair;
+    std::swap(request.model, request.other->model);
+    std::swap(request.settings.crop, request.other->crop);
+    bench.thread.ask(request);
+    const auto turned = bench.until(32).picture->pair;
+    CHECK(beside->other.data == turned->first.data);
+    CHECK(beside->first.data == turned->other.data);
+    CHECK(beside->first.data != beside->other.data);
+  }
 }
 
 TEST_CASE("a model that nobody holds is let go of with the next picture, or when told to, what was asked for stays") {

@@ -167,6 +167,18 @@ TEST_CASE("of one Gaussian alone there are no figures, and those of the whole co
   CHECK(bench.current);
 }
 
+TEST_CASE("beside one Gaussian alone the other model is compared as it is, in the crop box") {
+  Bench bench(false);
+  bench.state.inspect.hits.resize(1);
+  bench.state.inspect.picked = 0;
+  bench.state.inspect.isolated = true;
+  REQUIRE(effectiveSettings(bench.state).crop);
+  CHECK_FALSE(bench.picture({32, 24}).request.other->crop);
+  bench.state.display.crop = true;
+  bench.state.display.box = {glm::vec3(-1), glm::vec3(2)};
+  CHECK(bench.picture({32, 24}).request.other->crop == bench.state.display.box);
+}
+
 TEST_CASE("a photograph is measured at its own size and brightness whatever the window shows") {
   for (const Output output : {Output::final, Output::base, Output::depth}) {
     Bench bench(true);
