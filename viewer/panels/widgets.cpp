@@ -112,6 +112,8 @@ SliderValue valueAt(ImGuiDataType type, const void* value) {
   return bytes;
 }
 
+ImGuiID putBackId() { return ImHashStr("slider is put back"); }
+
 // The second press of a double click on the slider, whose first one has moved it.
 bool isPressedTwice(ImGuiID slider) {
   const ImGuiContext& context = *ImGui::GetCurrentContext();
@@ -126,18 +128,21 @@ bool slider(const char* id, ImGuiDataType type, void* value, const void* low, co
   const ImGuiID item = ImGui::GetID(id), first = ImHashStr("before", 0, item), second = first + 1;
   ImGuiStorage& kept = *ImGui::GetStateStorage();
   const bool opens = isPressedTwice(item);
+  const SliderValue found = valueAt(type, value);
   if (opens) {
     const SliderValue before = {kept.GetInt(first), kept.GetInt(second)};
     std::memcpy(value, before.data(), ImGui::DataTypeGetInfo(type)->Size);
   }
   const SliderValue now = valueAt(type, value);
+  const bool put_back = now != found;
+  if (put_back) kept.SetInt(putBackId(), ImGui::GetFrameCount());
   // Dear ImGui's own knob lies over the words.
   ImGui::PushStyleColor(ImGuiCol_SliderGrab, ImU32{0});
   ImGui::PushStyleColor(ImGuiCol_SliderGrabActive, ImU32{0});
   // With Ctrl a click opens the field of a slider; that of a number that is dragged opens at two.
   bool& control = ImGui::GetIO().KeyCtrl;
   const bool held = std::exchange(control, control || opens);
-  const bool changed = ImGui::SliderScalar(id, type, value, low, high, format, flags) || opens;
+  const bool changed = ImGui::SliderScalar(id, type, value, low, high, format, flags) || put_back;
   control = held;
   if (ImGui::IsItemActivated()) {
     kept.SetInt(first, now[0]);
@@ -154,6 +159,11 @@ bool slider(const char* id, ImGuiDataType type, void* value, const void* low, co
   draw->AddRectFilled({knob.Min.x, frame.Max.y - thick}, {knob.Max.x, frame.Max.y},
                       ImGui::GetColorU32(ImGuiCol_CheckMark), thick / 2);
   return changed;
+}
+
+bool sliderIsPutBack() {
+  const ImGuiContext& context = *ImGui::GetCurrentContext();
+  return context.ActiveIdWindow && context.ActiveIdWindow->StateStorage.GetInt(putBackId(), -1) == context.FrameCount;
 }
 
 bool slider(const char* id, float& value, float low, float high, const char* format, ImGuiSliderFlags flags) {

@@ -38,6 +38,8 @@ bool segment(const char* label, bool active, int index, int count);
 bool slider(const char* id, ImGuiDataType type, void* value, const void* low, const void* high, const char* format,
             ImGuiSliderFlags flags = 0);
 bool slider(const char* id, float& value, float low, float high, const char* format, ImGuiSliderFlags flags = 0);
+// Whether one has taken back in this frame what the first press of a double click had done.
+bool sliderIsPutBack();
 // Three numbers, as wide as there is room, to be dragged or typed. What is typed counts where it is finite, else what
 // was there before. True when they were changed.
 bool vectorField(const char* id, glm::vec3& value, float speed, const char* format);

@@ -291,6 +291,14 @@ void recordChanges(ViewerState& state, bool busy, bool flowing) {
   history.last = now;
 }
 
+void forgetLastStep(ViewerState& state) {
+  History& history = state.history;
+  if (history.done == 0 || history.done < history.steps.size() || movesByItself(state)) return;
+  history.last = history.steps.back().before;
+  history.steps.pop_back();
+  --history.done;
+}
+
 void reshape(ViewerState& state, double aspect) {
   CameraState& camera = state.camera;
   camera.lens = camera.index >= 0 ? lensOf(state.scene.cameras[static_cast<std::size_t>(camera.index)], aspect)

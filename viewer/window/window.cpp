@@ -19,6 +19,7 @@
 #include "core/system/signals.h"
 #include "viewer/model/open_models.h"
 #include "viewer/panels/panels.h"
+#include "viewer/panels/widgets.h"
 #include "viewer/picture/inspector_thread.h"
 #include "viewer/picture/runs.h"
 #include "viewer/script/script.h"
@@ -354,6 +355,7 @@ void Viewer::keepEdits(bool moving) {
   const ImGuiIO& io = ImGui::GetIO();
   const bool held = io.MouseDown[0] || io.MouseDown[1] || io.MouseDown[2] || ImGui::IsAnyItemActive();
   if (!held) state_.edit.range_before.reset();
+  if (sliderIsPutBack()) forgetLastStep(state_);
   recordChanges(state_, held || movesByItself(state_) || state_.edit.moving || state_.edit.selecting, moving);
   if (picture_ && picture_->request.model == shownModel(state_)) updatePreview(state_);
 }

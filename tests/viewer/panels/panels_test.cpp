@@ -954,6 +954,43 @@ TEST_CASE("a double click on a slider opens a field with the value from before i
   open(Tab::view, "##budget", [&] { return state.stream.budget == 1'000; });
 }
 
+TEST_CASE("a drag of a slider is one step, and so is a double click with what is typed then") {
+  ViewerState state = bareState();
+  state.ui.tab = Tab::camera;
+  state.camera.speed = 1.25;
+  const Interface interface;
+  const auto frame = [&](ImVec2 at, bool pressed) {
+    const ImGuiID over = interface.hovered(state, at, pressed);
+    if (sliderIsPutBack()) forgetLastStep(state);
+    recordChanges(state, pressed || ImGui::IsAnyItemActive(), false);
+    return over;
+  };
+  for (int i = 0; i < 3; ++i) frame({-1, -1}, false);
+  const ImGuiWindow& page = pageWindow();
+  const ImGuiID id = ImHashStr("##speed", 0, ImHashStr("page", 0, page.ID));
+  ImVec2 place(page.Pos.x + page.Size.x - 20, page.Pos.y);
+  while (place.y < Interface::kHeight && frame(place, false) != id) place.y += 4;
+  const ImVec2 left(place.x - 60, place.y);
+  frame(place, true);
+  for (const bool pressed : {true, true, false}) frame(left, pressed);
+  const double dragged = state.camera.speed;
+  const std::size_t steps = state.history.steps.size();
+  CHECK(steps == 1);
+  for (int i = 0; i < 60; ++i) frame({600, 500}, false);  // longer than a double click
+  for (const bool pressed : {true, false, true, false}) frame(place, pressed);
+  CHECK(state.camera.speed == dragged);
+  CHECK(state.history.steps.size() == steps);
+  ImGui::GetIO().AddInputCharacter('3');
+  frame({-1, -1}, false);
+  for (const bool pressed : {false, true, false}) frame({600, 500}, pressed);
+  CHECK(state.camera.speed == 3);
+  CHECK(state.history.steps.size() == steps + 1);
+  undo(state);
+  CHECK(state.camera.speed == dragged);
+  undo(state);
+  CHECK(state.camera.speed == 1.25);
+}
+
 TEST_CASE("fields of the crop box and of moves take finite numbers, and no corner moves the other one") {
   ViewerState state = bareState();
   state.display.crop = true;
