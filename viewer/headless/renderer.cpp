@@ -96,7 +96,7 @@ ViewedScene::ViewedScene(const ViewOptions& options, const std::filesystem::path
     return;
   }
   opened_ = openLevels(path, {});
-  resident_.emplace(opened_->scene, opened_->reader);
+  resident_.emplace(opened_->scene, opened_->reader, opened_->require_same);
   scene_ = sceneOf(*opened_, resident_->model(), path);
   adapt(scene_, options);
 }

@@ -43,6 +43,12 @@ std::string reasonOf(httplib::Error error) {
   }
 }
 
+// Of several servers behind one address, each may have ETags of its own.
+std::string stampOf(const httplib::Response& response) {
+  const std::string written = response.get_header_value("Last-Modified");
+  return written.empty() ? response.get_header_value("ETag") : written;
+}
+
 }  // namespace
 
 class HttpReader::Client : public httplib::ClientImpl {
@@ -56,6 +62,18 @@ class HttpReader::Client : public httplib::ClientImpl {
   // Of the request at hand.
   std::uint64_t most = 0;
   std::stop_token stop;
+
+  // What fetch() gives; `status` stays 0 until an answer begins. Servers close connections that they kept, and may do
+  // so just as they are asked: once more then.
+  template <typename Fetch>
+  httplib::Result ask(const Fetch& fetch, const int& status) {
+    const auto asked = std::chrono::steady_clock::now();
+    httplib::Result result = fetch();
+    const bool closed = !result && status == 0 && std::chrono::steady_clock::now() - asked < kKeptConnectionEnds;
+    if (closed && std::exchange(kept_, false) && !stop.stop_requested()) result = fetch();
+    kept_ = static_cast<bool>(result);
+    return result;
+  }
 
  private:
   // The library's own waits to its end, whoever is told to stop.
@@ -101,6 +119,7 @@ class HttpReader::Client : public httplib::ClientImpl {
   }
 
   const int stall_seconds_;
+  bool kept_ = false;  // the last answer was whole, its connection may be kept
 };
 
 HttpReader::HttpReader(const std::string& address, int stall_seconds) : stall_seconds_(stall_seconds) {
@@ -134,7 +153,7 @@ HttpReader::HttpReader(const std::string& address, int stall_seconds) : stall_se
 HttpReader::~HttpReader() = default;
 
 std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uint64_t max_bytes,
-                                           const std::stop_token& stop) {
+                                           const std::stop_token& stop, std::string* stamp) {
   const std::string path = folder_ + (relative.empty() ? file_ : relative), name = base_ + path;
   client_->most = max_bytes;
   client_->stop = stop;
@@ -144,6 +163,7 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   std::uint64_t promised = 0;
   const auto begin = [&](const httplib::Response& response) {
     status = response.status;
+    if (stamp) *stamp = stampOf(response);
     promised = parseWhole<std::uint64_t>(response.get_header_value("Content-Length")).value_or(0);
     too_long = status == 200 && promised > max_bytes;
     return status == 200 && !too_long;
@@ -156,13 +176,9 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   };
   const auto fetch = [&] { return client_->Get(path, {{"Accept-Encoding", "identity"}}, begin, take); };
   const auto asked = std::chrono::steady_clock::now();
-  httplib::Result result = fetch();
-  // Servers close connections that they kept, and may do so just as they are asked.
-  const bool closed = !result && status == 0 && std::chrono::steady_clock::now() - asked < kKeptConnectionEnds;
-  if (closed && std::exchange(kept_, false) && !stop.stop_requested()) result = fetch();
+  const httplib::Result result = client_->ask(fetch, status);
   const bool silent = !result && result.error() == httplib::Error::Read && status == 0 &&
                       std::chrono::steady_clock::now() - asked >= std::chrono::seconds(stall_seconds_);
-  kept_ = static_cast<bool>(result);
   if (stop.stop_requested()) throw ReadCancelled();
   if (too_long) {
     throw tg::Error(ErrorKind::cannotRead, name, "is too long" + atMost(max_bytes, std::max(promised, max_bytes + 1)));
@@ -176,6 +192,15 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     throw tg::Error(ErrorKind::cannotRead, name, "cannot be fetched: " + reason);
   }
   return bytes;
+}
+
+std::string HttpReader::stampNow(const std::stop_token& stop) {
+  client_->most = 0;
+  client_->stop = stop;
+  const auto fetch = [&] { return client_->Head(folder_ + file_, {{"Accept-Encoding", "identity"}}); };
+  const httplib::Result result = client_->ask(fetch, 0);
+  if (stop.stop_requested()) throw ReadCancelled();
+  return result && result->status == 200 ? stampOf(*result) : "";
 }
 
 }  // namespace tg

@@ -23,8 +23,12 @@ class HttpReader {
   HttpReader& operator=(HttpReader&&) = delete;
 
   // The bytes of a file beside the address's own; "" is that one. Throws Error(cannotRead) for what does not come, is
-  // longer than that or has another status than 200, and ReadCancelled when `stop` is asked for.
-  std::vector<std::uint8_t> read(const std::string& relative, std::uint64_t max_bytes, const std::stop_token& stop);
+  // longer than that or has another status than 200, and ReadCancelled when `stop` is asked for. `stamp`, where not
+  // null, becomes what the server says of the file's edition; "": nothing.
+  std::vector<std::uint8_t> read(const std::string& relative, std::uint64_t max_bytes, const std::stop_token& stop,
+                                 std::string* stamp = nullptr);
+  // That of the address's own file now, without reading it. Throws ReadCancelled.
+  std::string stampNow(const std::stop_token& stop);
 
  private:
   class Client;
@@ -33,7 +37,6 @@ class HttpReader {
   std::string folder_;  // of the path, with slashes at both ends
   std::string file_;
   std::unique_ptr<Client> client_;
-  bool kept_ = false;  // the last answer was whole, its connection may be kept
 };
 
 }  // namespace tg

@@ -262,10 +262,17 @@ void OpenModels::takeFailure(ViewerState& state, const std::string& problem, int
 
 bool OpenModels::takeStreamed(ViewerState& state) {
   bool changed = false;
+  std::vector<std::filesystem::path> rewritten;
   for (std::size_t i = 0; i < streams_.size(); ++i) {
     std::optional<SceneStreamer::News> news = streams_[i].streamer->take();
     if (!news) continue;
     changed = true;
+    if (news->rewritten) {  // levels of both are no scene
+      const std::filesystem::path path = streams_[i].streamer->path();
+      if (streams_[i].models == 0 || documentOf(state, path) >= 0) rewritten.push_back(path);
+      streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i--));
+      continue;
+    }
     const bool failed = news->failed;
     const std::string problem = news->problem;
     const int error_kind = news->error_kind;
@@ -274,6 +281,10 @@ bool OpenModels::takeStreamed(ViewerState& state) {
     // What is there of it stays, also what came together with the failure.
     streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i--));
     takeFailure(state, problem, error_kind);
+  }
+  for (const std::filesystem::path& path : rewritten) {
+    read(path);
+    say(state, path.string() + " was written again");
   }
   return wish(state) || changed;
 }
@@ -324,8 +335,12 @@ bool OpenModels::wish(ViewerState& state) {
   at.owed = at.lost = 0;
   at.loading.clear();
   for (Stream& stream : streams_) {
-    const int document = stream.models > 0 ? documentOf(state, stream.streamer->path()) : -1;
+    const int document = documentOf(state, stream.streamer->path());
     if (document < 0 || (document != shown && document != other)) continue;
+    if (stream.models == 0) {  // it is read again
+      at.settled = false;
+      continue;
+    }
     SceneStreamer::Wish wish = stream.wish;
     wish.camera = at.camera;
     wish.budget = at.budget;

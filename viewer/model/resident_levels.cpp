@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <new>
+#include <optional>
 #include <tuple>
 
+#include "core/file/identity.h"
 #include "core/file/web_address.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
@@ -30,11 +32,20 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
     opened.reader = [server, stop](const std::string& relative, std::uint64_t most) {
       return server->read(relative, most, stop);
     };
-    opened.scene = parseLodScene(server->read("", kMaxLodMetaBytes, stop), path.string());
+    std::string stamp;
+    opened.scene = parseLodScene(server->read("", kMaxLodMetaBytes, stop, &stamp), path.string());
+    opened.require_same = [server, stop, stamp, path] {
+      const std::string now = stamp.empty() ? "" : server->stampNow(stop);
+      if (!now.empty() && now != stamp) throw SceneRewritten(path);
+    };
   } else {
     opened.reader = [files = lodFolderReader(path), stop](const std::string& relative, std::uint64_t most) {
       if (stop.stop_requested()) throw ReadCancelled();
       return files(relative, most);
+    };
+    opened.require_same = [path, identity = identityOf(path)] {
+      const std::optional<FileIdentity> now = identityOf(path);
+      if (now && now != identity) throw SceneRewritten(path);
     };
     opened.scene = readLodScene(path);
   }
@@ -42,9 +53,10 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
   return opened;
 }
 
-ResidentLevels::ResidentLevels(const LodScene& scene, LodReader reader)
+ResidentLevels::ResidentLevels(const LodScene& scene, LodReader reader, std::function<void()> require_same)
     : scene_(scene),
       reader_(std::move(reader)),
+      require_same_(std::move(require_same)),
       coarsest_levels_(sameLevel(scene, scene.levels - 1)),
       levels_(coarsest_levels_) {
   // No place is known yet: every leaf is missing.
@@ -89,7 +101,19 @@ GaussianModel ResidentLevels::readFile(std::uint32_t file) {
     bytes_read_ += bytes.size();
     return bytes;
   };
-  return readLodFile(scene_, file, counted).model;
+  const auto requireSame = [this] {
+    if (require_same_) require_same_();
+  };
+  try {
+    GaussianModel model = readLodFile(scene_, file, counted).model;
+    requireSame();
+    return model;
+  } catch (const SceneRewritten&) {
+    throw;
+  } catch (const Error&) {
+    requireSame();  // the files of the scene before may be gone
+    throw;
+  }
 }
 
 void ResidentLevels::read(std::uint32_t file, std::span<const std::uint8_t> wanted) {

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <glm/glm.hpp>
 #include <map>
 #include <memory>
@@ -15,14 +16,22 @@
 #include <vector>
 
 #include "converter/lod/lod_scene.h"
+#include "core/system/error.h"
 #include "viewer/view/scene.h"
 
 namespace tg {
+
+// The lod-meta.json is another one than the one that was opened: its files are not of one scene.
+struct SceneRewritten : Error {
+  explicit SceneRewritten(const std::filesystem::path& path)
+      : Error(ErrorKind::cannotRead, path.string(), "was written again while it was read") {}
+};
 
 // A scene with levels of detail, and where its files come from.
 struct OpenedLevels {
   LodScene scene;
   LodReader reader;  // of one thread at a time; throws ReadCancelled once `stop` was asked for
+  std::function<void()> require_same;  // asks file or server; throws SceneRewritten, and ReadCancelled as `reader`
   std::vector<Camera> cameras;
   std::vector<std::string> warnings;
 };
@@ -32,9 +41,10 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
 // Levels are [leaves]. Nothing here has threads; memory is that of two models and of what has been read since.
 class ResidentLevels {
  public:
-  // Reads the coarsest level, which stays: no leaf is ever without one. `scene` must outlive this. Throws what
-  // readLodFile() throws, and Error(device) where there is not enough memory.
-  ResidentLevels(const LodScene& scene, LodReader reader);
+  // Reads the coarsest level, which stays: no leaf is ever without one. `scene` must outlive this. `require_same` is
+  // called after each file; empty: it stays as it is. Throws what both and readLodFile() throw, and Error(device) where
+  // there is not enough memory.
+  ResidentLevels(const LodScene& scene, LodReader reader, std::function<void()> require_same = {});
 
   const std::shared_ptr<const GaussianModel>& model() const { return model_; }
   const std::vector<std::uint8_t>& levels() const { return levels_; }  // of the model
@@ -64,6 +74,7 @@ class ResidentLevels {
 
   const LodScene& scene_;
   const LodReader reader_;
+  const std::function<void()> require_same_;
   std::vector<std::uint8_t> coarsest_levels_, levels_;
   std::shared_ptr<const GaussianModel> coarsest_, model_;
   std::vector<std::uint32_t> coarsest_starts_, starts_;  // [leaves] in the models

@@ -24,7 +24,7 @@ constexpr std::chrono::milliseconds kLook(10);                   // between look
 constexpr std::uint64_t kMostWaiting = std::uint64_t{64} << 20;  // [bytes] read ahead of the next model
 
 // Runs body(); what goes wrong with `name` goes into the news. False where there is nothing to tell: all went well, or
-// was cancelled.
+// was cancelled. Throws SceneRewritten.
 template <typename News, typename Body>
 bool findProblem(News& news, const std::string& name, const Body& body) {
   try {
@@ -32,6 +32,8 @@ bool findProblem(News& news, const std::string& name, const Body& body) {
     return false;
   } catch (const ReadCancelled&) {
     return false;
+  } catch (const SceneRewritten&) {
+    throw;
   } catch (const Error& error) {
     news.problem = error.what();
     news.error_kind = static_cast<int>(error.kind);
@@ -54,7 +56,7 @@ class SceneStreamer::Run {
         stop_(stop),
         identity_(identityOf(streamer.path_)),
         opened_(open(wrap)),
-        resident_(opened_.scene, opened_.reader) {}
+        resident_(opened_.scene, opened_.reader, opened_.require_same) {}
 
   void run() {
     giveScene();
@@ -186,9 +188,12 @@ SceneStreamer::SceneStreamer(std::filesystem::path path, std::function<void()> w
       news_(std::move(wake)),
       thread_(startWorker(news_, [this, wrap](const std::stop_token& stop) {
         News news;
-        news.failed = true;
-        const bool told = findProblem(news, path_.string(), [&] { Run(*this, stop, wrap).run(); });
-        if (told) give(std::move(news));
+        try {
+          news.failed = findProblem(news, path_.string(), [&] { Run(*this, stop, wrap).run(); });
+        } catch (const SceneRewritten&) {
+          news.rewritten = true;
+        }
+        if (news.failed || news.rewritten) give(std::move(news));
       })) {}
 
 void SceneStreamer::give(News news) {

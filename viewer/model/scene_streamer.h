@@ -51,6 +51,7 @@ class SceneStreamer {
     std::string problem;         // what could not be read since; "" = nothing
     int error_kind = 0;          // ErrorKind of the problem
     bool failed = false;         // it cannot be opened: nothing comes any more
+    bool rewritten = false;      // nothing comes any more, since its file is another one: to be opened again
   };
   // What came since the last call.
   std::optional<News> take() { return news_.poll(); }

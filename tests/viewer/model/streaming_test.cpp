@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes with levels of detail in memory: never a leaf without a level, never more than the budget, whatever the files
 // do.
+#include <httplib.h>
+
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -32,9 +34,10 @@ namespace {
 constexpr LodOptions kSmallLevels{.leaf = 64, .file = 256, .coarsest = 60, .merged = 4};
 
 struct SmallScene {
-  SmallScene() {
+  explicit SmallScene(float more_opaque = 0) {
     Bundle bundle;
     bundle.model = tinyTexturedModel(2000);
+    for (float& logit : bundle.model.opacity_logit) logit += more_opaque;
     bundle.cameras.push_back(lookAt({0.2, 0.5, -3}, {0, 0, 0}, {0, -1, 0}, 0.8, 640, 480));
     writeLod(path, bundle, kSmallLevels);
     scene = readLodScene(path);
@@ -282,6 +285,55 @@ TEST_CASE("a scene comes over HTTP as from disk, and a file that the server lack
   CHECK(window.state.stream.lost == 1);
   CHECK_THAT(window.state.messages.error, Contains(lost + ": the server refuses it (expected 200, found 404)"));
   CHECK(window.state.scene.gaussians > small.scene.counts.front() / 2);
+}
+
+TEST_CASE("a scene that is written again while it is streamed is read anew, never one with levels of the other") {
+  const SmallScene small, other(-1);
+  REQUIRE(other.scene.files == small.scene.files);
+  REQUIRE(other.scene.file_counts == small.scene.file_counts);
+  std::atomic<int> edition{1};
+  httplib::Server server;
+  server.Get("/scene/(.*)", [&](const httplib::Request& request, httplib::Response& response) {
+    const std::vector<std::uint8_t> bytes = readFile(small.folder / request.matches[1].str(), 1 << 24);
+    response.set_header("ETag", std::to_string(edition));
+    response.set_content(reinterpret_cast<const char*>(bytes.data()), bytes.size(), "application/octet-stream");
+  });
+  const int port = server.bind_to_any_port("127.0.0.1");
+  const std::jthread serving([&] { server.listen_after_bind(); });
+  while (!server.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  const bool served = GENERATE(false, true);
+  CAPTURE(served);
+  std::filesystem::path path = small.path;
+  if (served) path = "http://127.0.0.1:" + std::to_string(port) + "/scene/lod-meta.json";
+
+  std::atomic<bool> held{true};
+  std::atomic<int> asked{0};
+  {
+    Window window(path, small.camera, 1500, [&](LodReader files) -> LodReader {
+      return [&, files](const std::string& relative, std::uint64_t most) {
+        const bool finer = relative.find("/" + std::to_string(small.scene.levels - 1) + "_") == std::string::npos;
+        if (finer) ++asked;
+        while (finer && held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        return files(relative, most);
+      };
+    });
+    window.until([&] { return asked > 0 && window.state.scene.model; });
+    const OpenedLevels before = openLevels(path, {});
+    std::filesystem::copy(other.folder.path, small.folder.path,
+                          std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+    ++edition;
+    CHECK_THAT(messageOf([&] { ResidentLevels(before.scene, before.reader, before.require_same); }),
+               Contains("lod-meta.json: was written again while it was read"));
+    held = false;
+    window.until([&] { return window.settled(); });
+    CHECK(window.state.messages.error.empty());
+    ResidentLevels fresh(other.scene, lodFolderReader(other.path));
+    const std::vector<std::uint8_t> wanted = chooseLevels(other.scene, small.camera, 1500);
+    for (const std::uint32_t file : fresh.missing(wanted, {})) fresh.read(file, wanted);
+    fresh.assemble(wanted);
+    CHECK(*window.state.scene.model == *fresh.model());
+  }
+  server.stop();
 }
 
 TEST_CASE("finer levels with textures are drawn as these are, whether lod-meta.json says so or its files alone") {
