@@ -183,7 +183,7 @@ TrainSettings presetSettings(std::string_view preset) {
   settings.rate_position = 1.6e-4f;
   settings.rate_position_end = 1.6e-6f;
   settings.rate_scale = 5e-3f;
-  settings.rate_sh_rest = 2.5e-3f / 20;
+  settings.rate_sh_rest = 1.25e-4f;  // a twentieth of rate_sh_dc
   settings.rate_texels = 1e-3f;
   settings.rate_texels_end = -1;
   settings.texture_init = TextureInit::paper;

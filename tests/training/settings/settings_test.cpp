@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <fstream>
 #include <iostream>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "support/catch.h"
 #include "training/every_setting.h"
 
@@ -90,6 +92,18 @@ TEST_CASE("the manual has every setting with its values in presets and its help"
   INFO("the rows of docs/training.md are those of training/settings/settings.cpp, in its order, and no others");
   const bool has = manual.str().find("\n\n" + table + "\n") != std::string::npos;
   CHECK(has);
+}
+
+TEST_CASE("numbers of presets are those that one would type", "[settings]") {
+  for (const std::string& preset : tg::presetNames()) {
+    for (const tg::SettingEntry& entry : tg::settingEntries()) {
+      const std::string text = entry.get(tg::presetSettings(preset));
+      const std::optional<double> value = tg::parseWhole<double>(text);
+      if (!value) continue;  // a name
+      INFO(preset << ": " << entry.name << " = " << text);
+      CHECK(tg::parseWhole<double>(tg::formatted("%.4g", *value)) == value);
+    }
+  }
 }
 
 TEST_CASE("values out of range and nonsense are refused by name", "[settings]") {
