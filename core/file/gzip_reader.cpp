@@ -100,13 +100,17 @@ GzipReader::GzipReader(const std::filesystem::path& path, std::uint64_t max_infl
   s.path = path.string();
   s.max_inflated = max_inflated_bytes;
   std::error_code status;
-  if (std::filesystem::is_directory(path, status)) {
+  const std::filesystem::file_type type = std::filesystem::status(path, status).type();
+  if (type == std::filesystem::file_type::directory) {
     throw Error(ErrorKind::cannotRead, s.path, "is a folder (expected a file)");
+  }
+  if (!status && type != std::filesystem::file_type::regular) {  // to open a pipe would wait
+    throw Error(ErrorKind::cannotRead, s.path, "is no regular file");
   }
   s.file.open(path, std::ios::binary);
   if (!s.file) throw Error(ErrorKind::cannotRead, s.path, "cannot open");
   s.file_size = std::filesystem::file_size(path, status);
-  if (status) throw Error(ErrorKind::cannotRead, s.path, "is not a regular file");
+  if (status) throw Error(ErrorKind::cannotRead, s.path, "cannot read: " + status.message());
   if (inflateInit2(&s.stream, 15 + 16) != Z_OK) throw std::bad_alloc();
   s.started = true;
   s.progress = progress;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // model.tgz from a stranger: every refusal of docs/bundle.md, each from an archive made for it.
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cstring>
 #include <fstream>
@@ -357,6 +359,15 @@ TEST_CASE("files that are no gzip, empty files and folders are refused") {
     } catch (const tg::Error& e) {
       REQUIRE(e.kind == tg::ErrorKind::cannotRead);
     }
+  }
+}
+
+TEST_CASE("a pipe or a device in the place of a bundle is refused, not waited for") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(::mkfifo((folder / "a.tgz").c_str(), 0600) == 0);
+  std::filesystem::create_symlink("/dev/zero", folder / "b.tgz");
+  for (const std::string name : {"a.tgz", "b.tgz"}) {
+    REQUIRE_THROWS_WITH(tg::readBundle(folder / name), Contains(name + ": is no regular file"));
   }
 }
 
