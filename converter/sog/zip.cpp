@@ -19,6 +19,7 @@ namespace {
 
 constexpr int kMaxEntries = 1024;
 constexpr std::uint64_t kMaxRatio = 1000;
+constexpr std::uint64_t kRatioFreeBytes = 1 << 20;
 constexpr std::size_t kPieceBytes = 1 << 16;
 constexpr std::string_view kEndMark = "PK\5\6";                    // begins the end of the directory
 constexpr std::size_t kEndBytes = 22;                              // of that
@@ -59,6 +60,7 @@ std::vector<std::uint8_t> ZipReader::read(const std::string& name, std::uint64_t
     if (found == nullptr || name != found) continue;
     if (archive_entry_is_encrypted(entry)) fail("entry \"" + name + "\" is encrypted");
     std::vector<std::uint8_t> out;
+    const la_int64_t begin = archive_filter_bytes(reader.get(), -1);
     for (;;) {
       const std::size_t before = out.size();
       out.resize(before + kPieceBytes);
@@ -66,8 +68,10 @@ std::vector<std::uint8_t> ZipReader::read(const std::string& name, std::uint64_t
       if (got < 0) fail("entry \"" + name + "\" is broken: " + reasonOf(reader.get(), "unexpected data"));
       out.resize(before + static_cast<std::size_t>(got));
       if (got == 0) return out;
-      if (out.size() > most || out.size() / kMaxRatio > bytes_.size()) {
-        fail("entry \"" + name + "\" is too long" + atMost(std::min(most, bytes_.size() * kMaxRatio), out.size()));
+      const auto packed = static_cast<std::uint64_t>(archive_filter_bytes(reader.get(), -1) - begin);
+      const std::uint64_t inflated = std::max(packed * kMaxRatio, kRatioFreeBytes);
+      if (out.size() > std::min(most, inflated)) {
+        fail("entry \"" + name + "\" is too long" + atMost(std::min(most, inflated), out.size()));
       }
     }
   }

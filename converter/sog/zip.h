@@ -20,8 +20,8 @@ class ZipReader {
  public:
   ZipReader(std::span<const std::uint8_t> bytes, std::string path) : bytes_(bytes), path_(std::move(path)) {}
 
-  // Throws Error(badData): no such entry, a broken archive, an encrypted entry, more than `most` bytes or more than
-  // 1000 times the archive's size.
+  // Throws Error(badData): no such entry, a broken archive, an encrypted entry, more than `most` bytes, or more than
+  // 1000 times what it takes in the archive after the first MiB.
   std::vector<std::uint8_t> read(const std::string& name, std::uint64_t most) const;
 
  private:

@@ -150,11 +150,16 @@ TEST_CASE("SOG: an image takes no more memory than its Gaussians want") {
   const auto refusal = [&](const std::string& name, std::vector<std::uint8_t> bytes) {
     SogParts parts;
     parts.replaced = {{name, std::move(bytes), true}};
+    // What others take in the file is not its own.
+    if (name == "scales.webp") parts.replaced.push_back({"sh0.webp", std::vector<std::uint8_t>(500'000)});
     return test::messageOf([&] { parseSog(parts.bytes(scratch), "a.sog"); });
   };
-  // 40 kB of the file that are 40 MB
-  CHECK(refusal("scales.webp", std::vector<std::uint8_t>(40 << 20))
+  std::vector<std::uint8_t> long_one(40 << 20);  // 120 kB of the file
+  for (std::size_t i = 0; i < long_one.size(); ++i) long_one[i] = static_cast<std::uint8_t>(i >> 10);
+  CHECK(refusal("scales.webp", long_one)
             .starts_with("a.sog: entry \"scales.webp\" is too long (expected at most 33554432, found "));
+  const std::string bomb = refusal("scales.webp", std::vector<std::uint8_t>(30 << 20));  // 30 kB of the file
+  CHECK(bomb.starts_with("a.sog: entry \"scales.webp\" is too long (expected at most "));
   const std::vector<std::uint8_t> large = encodeWebp(BytePixels(2100, 2000));
   CHECK(refusal("l.webp", large) == "a.sog: l.webp: too many pixels (expected at most 4194304, found 4200000)");
   CHECK(refusal("l.webp", encodeWebp(BytePixels(2000, 2000))) == "accepted");
