@@ -43,7 +43,7 @@ ModelLoader::Status ModelLoader::status() const {
 }
 
 bool ModelLoader::reads(const std::filesystem::path& path) const {
-  return std::ranges::any_of(opened_, [&](const std::shared_ptr<File>& file) { return file->path == path; });
+  return std::ranges::any_of(opened_, [&](const std::shared_ptr<File>& file) { return sameFile(file->path, path); });
 }
 
 std::optional<ModelLoader::News> ModelLoader::take() {

@@ -36,7 +36,7 @@ class ModelLoader {
     std::size_t waiting = 0;     // files after it
   };
   Status status() const;
-  // Whether news of that path is still to be taken, be it at hand or waiting.
+  // Whether news of that file, by whatever name, is still to be taken, be it at hand or waiting.
   bool reads(const std::filesystem::path& path) const;
 
   struct News {

@@ -119,9 +119,10 @@ OpenModels::OpenModels(const ViewOptions& options, std::function<void()> wake,
 
 // Scenes with levels of detail beside each other, models one after the other.
 void OpenModels::read(const std::filesystem::path& path) {
-  closed_.erase(path);
+  const auto same = [&](const std::filesystem::path& other) { return sameFile(other, path); };
+  std::erase_if(closed_, same);
   if (!isLodMeta(path)) return loader_.open(path);
-  std::erase_if(streams_, [&](const Stream& stream) { return stream.streamer->path() == path; });
+  std::erase_if(streams_, [&](const Stream& stream) { return same(stream.streamer->path()); });
   Stream stream;
   stream.streamer = std::make_unique<SceneStreamer>(path, wake_, wrap_);
   stream.begun = std::chrono::steady_clock::now();
@@ -194,8 +195,9 @@ bool OpenModels::takeLoaded(ViewerState& state) {
     std::optional<ModelLoader::News> news = loader_.take();
     if (!news) break;
     const int document = documentOf(state, news->path);
-    if (document < 0 && closed_.contains(news->path)) {
-      if (!loader_.reads(news->path)) closed_.erase(news->path);
+    const auto same = [&](const std::filesystem::path& closed) { return sameFile(closed, news->path); };
+    if (document < 0 && std::ranges::any_of(closed_, same)) {
+      if (!loader_.reads(news->path)) std::erase_if(closed_, same);
       continue;
     }
     const bool shown = document >= 0 && document == state.documents.shown;

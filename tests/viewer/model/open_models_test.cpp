@@ -598,6 +598,30 @@ TEST_CASE("a model that is closed while it waits behind another file to be read 
   CHECK(state.scene.gaussians == 7);
 }
 
+TEST_CASE("a model that is closed while it waits by another name stays closed") {
+  const TemporaryFolder folder;
+  writeModel(folder / "a.tgz", 3, {});
+  writeModel(folder / "b.tgz", 4, {});
+  std::atomic<bool> go_on{false};
+  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
+    if (path.filename() == "b.tgz") go_on.wait(false);
+    return readModel(path, read);
+  });
+  ViewerState& state = window.state;
+  state.documents.open_requests = {folder / "b.tgz", folder / "./a.tgz"};
+  window.open_models.update(state);
+  window.followUntil([&] { return !state.documents.open.empty(); });
+  state.documents.close_request = 0;
+  window.open_models.update(state);
+  go_on = true;
+  go_on.notify_all();
+  window.settle();
+  REQUIRE(state.documents.open.size() == 1);
+  CHECK(state.documents.open[0].path == folder / "b.tgz");
+  window.open(folder / "./a.tgz");
+  CHECK(state.scene.gaussians == 3);
+}
+
 TEST_CASE("a part lacks the background of its model, which comes with the rest unless another was chosen") {
   const TemporaryFolder folder;
   const glm::vec3 white(1.0f), red(1.0f, 0.0f, 0.0f);
