@@ -496,10 +496,10 @@ TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[wi
   test::writeSample(shop / "model.tgz");
   shop.write("unknown.txt", "dance\n");
   shop.write("value.txt", "output red\n");
-  shop.write("write.txt", "window no/such/folder/a.png\n");
+  shop.write("write.txt", "keep-going on\nwindow no/such/folder/a.png\n");
   shop.write("open.txt", "wait 2\nopen none.tgz\n");
   shop.write("inspect.txt", "inspect 3000 5\n");
-  shop.write("record.txt", "wait 2\nrecord x.exr\nawait-recording\n");
+  shop.write("record.txt", "keep-going on\nwait 2\nrecord x.exr\nawait-recording\n");
   const auto run = [&shop](const std::string& script) {
     return shop.tgview({"model.tgz", "--size", "200x150", "--script", script}, kXServer);
   };
@@ -508,9 +508,9 @@ TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[wi
   CHECK(run("value.txt").exit_code == 3);
   const ProcessResult written = run("write.txt"), recorded = run("record.txt");
   CHECK(written.exit_code == 4);
-  CHECK_THAT(written.err, Contains("tgview: write.txt: line 1: window: "));
+  CHECK_THAT(written.err, Contains("tgview: write.txt: line 2: window: "));
   CHECK(recorded.exit_code == 3);
-  CHECK_THAT(recorded.err, Contains("tgview: record.txt: line 2: record: recording: expected a video ("));
+  CHECK_THAT(recorded.err, Contains("tgview: record.txt: line 3: record: recording: expected a video ("));
   CHECK(run("open.txt").exit_code == 3);
   CHECK(run("inspect.txt").exit_code == 3);
 }
