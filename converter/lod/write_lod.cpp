@@ -2,15 +2,21 @@
 // Leaves by median splits, the levels of each, files of leaves, and lod-meta.json.
 #include "converter/lod/write_lod.h"
 
-#include <stdlib.h>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
 #include <span>
 #include <string>
+#include <thread>
 
 #include "converter/formats/space_curve.h"
 #include "converter/lod/coarser.h"
@@ -25,6 +31,7 @@
 #include "core/merge/moments.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
+#include "core/system/descriptor.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "core/system/parallel.h"
@@ -136,18 +143,98 @@ std::vector<File> filesOf(const std::vector<std::vector<std::size_t>>& counts, T
   return files;
 }
 
-// A folder that is gone when this ends, unless it has got its name.
+constexpr const char* kDigits = "0123456789";
+constexpr std::string_view kFileMeta = "/meta.json", kCamerasName = "cameras.json";
+constexpr std::string_view kNewFolder = ".new-";         // and more: its name while it is made
+constexpr const char* kUnfinished = ".unfinished";       // a file in it until lod-meta.json names the folder
+constexpr std::chrono::milliseconds kLongestTurn(1000);  // that a program may take to name its folder
+
+bool allOf(std::string_view text, const char* known) {
+  return !text.empty() && text.find_first_not_of(known) == std::string_view::npos;
+}
+
+fs::path parentOf(const fs::path& file) { return file.parent_path().empty() ? fs::path(".") : file.parent_path(); }
+
+// A folder that this program alone holds while this lives: not where another one does, or the file system knows no
+// locks. The system lets go of it with the process.
+class HeldFolder {
+ public:
+  explicit HeldFolder(const fs::path& folder, std::chrono::milliseconds patience = {})
+      : descriptor_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    const auto until = std::chrono::steady_clock::now() + patience;
+    while (descriptor_.get() >= 0 && !(held_ = ::flock(descriptor_.get(), LOCK_EX | LOCK_NB) == 0)) {
+      if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= until) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+  }
+  bool held() const { return held_; }
+
+ private:
+  const Descriptor descriptor_;
+  bool held_ = false;
+};
+
+// Whether a list of files in `parent`, but for the one of that name, has one in the folder N/.
+bool isNamedIn(const fs::path& parent, const std::string& folder, const fs::path& but_for = {}) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
+    if (!isLodMeta(entry.path()) || entry.path().filename() == but_for) continue;
+    const std::vector<std::uint8_t> other = readRegularFile(entry.path(), kMaxLodMetaBytes);
+    if (std::string_view(reinterpret_cast<const char*>(other.data()), other.size()).find("\"" + folder) !=
+        std::string_view::npos)
+      return true;
+  }
+  return false;
+}
+
+// Folders of programs that were killed while they made them, or just as they gave them their names. What cannot be
+// looked at stays.
+void removeUnfinished(const fs::path& parent) {
+  try {
+    std::vector<fs::path> folders;
+    for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
+      const std::string name = entry.path().filename().string();
+      const bool ours = name.starts_with(kNewFolder) || allOf(name, kDigits);
+      if (ours && fs::is_directory(entry.symlink_status())) folders.push_back(entry.path());
+    }
+    for (const fs::path& folder : folders) {
+      if (!isFile(folder / kUnfinished)) {
+        if (folder.filename().string().starts_with(kNewFolder)) ::rmdir(folder.c_str());  // an empty one
+        continue;
+      }
+      const HeldFolder held(folder);
+      if (!held.held() || !isFile(folder / kUnfinished)) continue;
+      if (isNamedIn(parent, folder.filename().string() + "/")) {
+        fs::remove(folder / kUnfinished);
+      } else {
+        fs::remove_all(folder);
+      }
+    }
+  } catch (const std::exception&) {
+  }
+}
+
+// A folder that is gone when this ends, unless it has got its name. Open to whom the process' mask allows.
 class NewFolder {
  public:
   explicit NewFolder(const fs::path& parent) {
-    std::string name = (parent / ".new-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
-      throw Error(ErrorKind::cannotWrite, parent.string(), "cannot make a folder here: " + systemReason());
+    static std::atomic<unsigned> counter{0};
+    const std::string stem = std::string(kNewFolder) + std::to_string(::getpid()) + "-";
+    for (;;) {
+      path_ = parent / (stem + std::to_string(counter++));
+      if (::mkdir(path_.c_str(), 0777) != 0) {
+        if (errno == EEXIST) continue;
+        break;
+      }
+      removed_.emplace(path_);
+      held_.emplace(path_);
+      const Descriptor mark(::open((path_ / kUnfinished).c_str(), O_CREAT | O_WRONLY | O_CLOEXEC, 0666));
+      if (mark.get() >= 0) return;
+      const int reason = errno;
+      const bool was_there = ::rmdir(path_.c_str()) == 0;
+      errno = reason;
+      if (was_there) break;  // else removeUnfinished() of another program was faster
     }
-    path_ = name;
-    removed_.emplace(path_);
-    std::error_code ignored;
-    fs::permissions(path_, fs::perms(0755), ignored);
+    throw Error(ErrorKind::cannotWrite, parent.string(), "cannot make a folder here: " + systemReason());
   }
   ~NewFolder() {
     std::error_code ignored;
@@ -177,7 +264,11 @@ class NewFolder {
     removed_.reset();  // a signal must not take what lod-meta.json is about to name
     return true;
   }
-  void keep() { path_.clear(); }
+  void keep() {
+    std::error_code ignored;
+    fs::remove(path_ / kUnfinished, ignored);
+    path_.clear();
+  }
 
  private:
   fs::path beside(int number) const { return path_.parent_path() / std::to_string(number); }
@@ -191,14 +282,8 @@ class NewFolder {
 
   fs::path path_;
   std::optional<RemovedBySignal> removed_;
+  std::optional<HeldFolder> held_;  // so that removeUnfinished() of others leaves it alone
 };
-
-constexpr const char* kDigits = "0123456789";
-constexpr std::string_view kFileMeta = "/meta.json", kCamerasName = "cameras.json";
-
-bool allOf(std::string_view text, const char* known) {
-  return !text.empty() && text.find_first_not_of(known) == std::string_view::npos;
-}
 
 // N/NAME with the folder N, a number as freeNumber() gives it; the name's part behind it, "" where it is another's.
 std::string_view inFolder(std::string_view file, std::string_view folder) {
@@ -219,20 +304,14 @@ bool isOurs(std::string_view file, std::string_view folder) {
 // What our lod-meta.json that is there names, below the folder that it stands in: those files alone go with it, and
 // none where one of them has a name that Writer does not give, or lies behind a link.
 std::vector<fs::path> filesBefore(const fs::path& path) {
-  const fs::path parent = path.parent_path().empty() ? fs::path(".") : path.parent_path();
+  const fs::path parent = parentOf(path);
   try {
     const LodScene scene = readLodScene(path);
     if (!scene.sh_degree) return {};  // another program's
     const std::string first = scene.files.front(), folder = first.substr(0, first.find('/') + 1);
     const bool ours = std::ranges::all_of(scene.files, [&](const std::string& file) { return isOurs(file, folder); });
     if (!ours || (!scene.cameras.empty() && inFolder(scene.cameras, folder) != kCamerasName)) return {};
-    for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
-      if (!isLodMeta(entry.path()) || entry.path().filename() == path.filename()) continue;
-      const std::vector<std::uint8_t> other = readRegularFile(entry.path(), kMaxLodMetaBytes);
-      if (std::string_view(reinterpret_cast<const char*>(other.data()), other.size()).find("\"" + folder) !=
-          std::string_view::npos)
-        return {};
-    }
+    if (isNamedIn(parent, folder, path.filename())) return {};
     std::vector<fs::path> files;
     if (!scene.cameras.empty()) files.push_back(parent / scene.cameras);
     for (const std::string& file : scene.files) {
@@ -290,18 +369,16 @@ class Writer {
     for (const auto& level : counts) {
       report_.counts.push_back(std::accumulate(level.begin(), level.end(), std::uint64_t{0}));
     }
-    const fs::path parent = path_.parent_path().empty() ? fs::path(".") : path_.parent_path();
+    const fs::path parent = parentOf(path_);
     FolderToFill filled(parent);
     requireWritable(path_);
-    const std::vector<fs::path> before = filesBefore(path_);
+    removeUnfinished(parent);
     NewFolder folder(parent);
     const std::string cameras = source_.cameras.empty() ? "" : storedCameras(source_.cameras, path_.string());
     makeLevels(counts);
     writeFiles(folder.path());
     if (!cameras.empty()) add(folder.path() / kCamerasName, cameras);
     commitMeta(folder, counts);
-    folder.keep();
-    removeFiles(before, parent);
     filled.keep();
     report_.files = files_.size();
     report_.bytes = bytes_;
@@ -310,8 +387,8 @@ class Writer {
   }
 
  private:
-  // The folder's name and lod-meta.json, which tells it: all that takes time comes before both get their names, since
-  // a program that is killed between leaves a folder that no file names.
+  // The folder's name and lod-meta.json, which tells it: all that takes time comes before both get their names. What
+  // lod-meta.json named before goes, also where another program has written it meanwhile: they take turns.
   void commitMeta(NewFolder& folder, const std::vector<std::vector<std::size_t>>& counts) {
     for (int number = folder.freeNumber(0);; number = folder.freeNumber(number)) {
       const std::string meta = dumpJson(metaOf(counts, std::to_string(number)));
@@ -319,8 +396,13 @@ class Writer {
       (void)parseLodScene(bytes, path_.string());  // what is there goes for what can be read
       AtomicFiles files;
       files.add(path_, bytes);
+      const fs::path parent = parentOf(path_);
+      const HeldFolder turn(parent, kLongestTurn);
+      const std::vector<fs::path> before = filesBefore(path_);
       if (!folder.settle(number)) continue;
       files.commit();
+      folder.keep();
+      removeFiles(before, parent);
       bytes_ += meta.size();
       return;
     }

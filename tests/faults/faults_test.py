@@ -50,7 +50,7 @@ def written_formats(programs):
 def writing(kind, model):
     convert = ["tgconvert", "--quiet", "--overwrite", "model.tgz"]
     if kind.endswith(".json"):  # a name of its own, with its parts beside it
-        # The folder of files beside lod-meta.json has another number when it is called again: count_unnamed().
+        # The folder of files beside lod-meta.json has another number when it is called again: kill_folders().
         kinds = CODES if kind == "lod-meta.json" else (*CODES, "kill")
         return Scenario(f"write {kind}", [*convert, f"out/{kind}"], "out", [model], kinds, older=False, parts=True)
     return Scenario(f"write {kind}", [*convert, f"out.{kind}"], f"out.{kind}", [model])
@@ -230,17 +230,17 @@ class Runner:
                     self.complain(scenario, kind, k, f"({told}): {wrong}")
 
 
-    def count_unnamed(self, scenario):
-        """Killed, lod-meta.json may leave a folder that no file names, but before one call alone: the one that gives it
-        its name, behind the one that gives the folder its own."""
+    def kill_folders(self, scenario):
+        """Killed, lod-meta.json may leave folders that no file names: they are gone once it is called again."""
         calls = int(dict(line.split() for line in self.run(scenario, "all", 0)[2].splitlines())["kill"])
-        unnamed = []
-        for k in range(max(1, calls - 15), calls + 1):
-            files = self.run(scenario, "kill", k)[1]
-            if "out/lod-meta.json" not in files and any(name.startswith("out/0/") for name in files):
-                unnamed.append(k)
-        if len(unnamed) != 1:
-            self.complain(scenario, "kill", unnamed, f"(of {calls}) leave a folder that no file names (expected one)")
+        for k in sorted({*spread(calls, self.options.most), *range(1, 8), *range(max(1, calls - 15), calls + 1)}):
+            self.run(scenario, "kill", k)
+            files = self.run(scenario, "kill", 0, again=True)[1]
+            named = json.loads(files["out/lod-meta.json"])["filenames"][0].split("/")[0]
+            left = {entry.name for entry in (self.folder / "work/out").iterdir() if not entry.name.startswith(".tg-")}
+            unfinished = [name for name in files if name.endswith(".unfinished")]
+            if left != {"lod-meta.json", named} or unfinished:
+                self.complain(scenario, "kill", k, f"and called again leaves {sorted(left)} {unfinished}")
 
 
 def prepare(options, folder):
@@ -297,7 +297,7 @@ def main():
                     continue
                 runner.sweep(scenario)
                 if scenario.name == "write lod-meta.json" and options.kind in ("", "kill"):
-                    runner.count_unnamed(scenario)
+                    runner.kill_folders(scenario)
     print(f"{runner.runs} runs, {len(runner.failures)} wrong")
     sys.exit(1 if runner.failures else 0)
 

@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes in levels of detail on disk: what is written comes back and looks alike from far away; what is broken is said.
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <thread>
 
 #include "converter/edit/quality.h"
 #include "converter/lod/coarser.h"
@@ -362,6 +369,61 @@ TEST_CASE("levels of detail: a new scene leaves nothing of the old one in its pl
   for (const auto& [name, bytes] : filesBelow(folder)) files += name.ends_with("meta.json");
   CHECK(files == scene.files.size() + 1);
   CHECK(fs::exists(folder / "page.html"));
+}
+
+TEST_CASE("levels of detail: folders are open to whom the process' mask allows") {
+  const Scratch scratch;
+  for (const mode_t mask : {0027u, 0002u}) {
+    const fs::path path = scratch.folder() / std::to_string(mask) / "lod-meta.json";
+    const mode_t before = ::umask(mask);
+    writeLod(path, trained(50, false));
+    ::umask(before);
+    const fs::path file = readLodScene(path).files.front();
+    for (const fs::path& folder : {file.parent_path().parent_path(), file.parent_path()}) {
+      CHECK(fs::status(path.parent_path() / folder).permissions() == static_cast<fs::perms>(0777 & ~mask));
+    }
+  }
+}
+
+TEST_CASE("levels of detail: what a program that was killed has left goes with the next scene, and nothing else does") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  const auto leave = [&](const std::string& folder, bool mark) {
+    fs::create_directories(scratch.folder() / folder / "0_0");
+    std::ofstream(scratch.folder() / folder / "0_0/meta.json") << "{}";
+    if (mark) std::ofstream(scratch.folder() / folder / ".unfinished");
+  };
+  writeLod(path, trained(50, false));
+  std::ofstream(scratch.folder() / "0/.unfinished");  // killed just before it was removed
+  leave(".new-1-0", true);
+  leave("1", true);
+  leave("2", false);
+  leave("three", true);
+  leave("4", true);
+  const int at_work = ::open((scratch.folder() / "4").c_str(), O_RDONLY | O_DIRECTORY);
+  REQUIRE(::flock(at_work, LOCK_EX | LOCK_NB) == 0);
+  writeLod(path, trained(50, false));
+  ::close(at_work);
+  std::set<std::string> left;
+  for (const fs::directory_entry& entry : fs::directory_iterator(scratch.folder())) {
+    left.insert(entry.path().filename().string());
+  }
+  CHECK(left == std::set<std::string>{"1", "2", "4", "lod-meta.json", "three"});
+  CHECK(readLodScene(path).files.front() == "1/0_0/meta.json");
+  CHECK_FALSE(fs::exists(scratch.folder() / "1/.unfinished"));
+}
+
+TEST_CASE("levels of detail: of several that write one scene at once the last one leaves its files alone") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  for (int round = 0; round < 5; ++round) {
+    {
+      std::vector<std::jthread> writers;
+      for (int i = 0; i < 4; ++i) writers.emplace_back([&, i] { writeLod(path, trained(50 + i, false)); });
+    }
+    CHECK(std::distance(fs::directory_iterator(scratch.folder()), fs::directory_iterator()) == 2);
+    CHECK(readModel(path).model.size() >= 50);
+  }
 }
 
 TEST_CASE("levels of detail: a folder in which all numbers are taken is told as such and left as it was") {
