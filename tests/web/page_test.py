@@ -236,6 +236,29 @@ def at_a_desk(browser, page):
     browser.open(f"{page}?panel=on", 640, 480)
     expect("and nothing of what it has", browser.evaluate(f"{told}.hidden"))
 
+    # Who shares a view does not share a key.
+    secrets = ("token=tok", "X-Amz-Signature=abc", "X-Amz-Credential=abc", "sig=abc", "api_key=abc", "accessToken=abc",
+               "%74oken=tok", "Key-Pair-Id=abc")
+    open_to_all = ("author=me", "monkey=1", "scene=a%20b", "assignment=2", "show=alpha", "flag")
+    asked = "&".join(x for pair in zip(secrets, (*open_to_all, "", "utm=1")) for x in pair)
+    browser.page("Page.navigate", url="about:blank")
+    browser.open(f"{page}?{asked}", 640, 480)
+    browser.evaluate("navigator.clipboard.writeText = async (text) => { window.copied = text; }, 0")
+    browser.press("c")
+    until(browser, f"!{told}.hidden", 5)
+    copied, words = browser.evaluate("[window.copied, document.getElementById('message').textContent]")
+    expect("a link without what looks secret is copied",
+           copied.startswith(f"{page}?{'&'.join((*open_to_all, '', 'utm=1'))}#view="), copied)
+    expect("and that is told", "is copied, but for what looks secret (token, X-Amz-Signature" in words, words)
+    expect("the page keeps its own address", browser.evaluate("location.search") == f"?{asked}")
+    browser.evaluate("navigator.clipboard.writeText = () => Promise.reject(new Error('forbidden')), 0")
+    browser.press("c")
+    shown = f"{told}.textContent.includes(' (token') && {told}.textContent.includes('/page.html?author=me&')"
+    expect("where it cannot be copied it is shown without it", until(browser, shown, 5),
+           browser.evaluate(f"{told}.textContent"))
+    browser.page("Page.navigate", url="about:blank")
+    browser.open(page, 640, 480)
+
     browser.click(*browser.middle("#play"))
     before = browser.evaluate(eye)
     expect("the camera flies", until(browser, f"{eye} !== '{before}'") and browser.evaluate("tgViewer.playing"))

@@ -8,8 +8,26 @@ const OWN_KEYS = ['SELECT', 'INPUT', 'TEXTAREA'];
 const DONE_STAYS = 2700, DONE_FADES = 300;  // [ms] of a word that something is done
 const HAS_ADDRESS = !/^(about|blob|data):/.test(location.href);  // one that leads somewhere from elsewhere
 const FREE_VIEW = '-1';  // of the list of views, while it is none of them
+// Words in names of a query's parameters that open a door: servers' tokens, storages' signed addresses.
+const CREDENTIALS = /token|secret|signature|passw|credential|hmac|jwt|api.?key|access.?key|auth(?!or)|authoriz/i;
+const SHORT_CREDENTIALS = /(^|[^a-z])(key|sig|sas|pwd|pass|session|sid)([^a-z]|$)/i;
 
 const element = (id) => document.getElementById(id);
+
+// An address as it may be given away, and the names of what was left out of it: {address, kept: names}.
+function withoutCredentials(address) {
+  const url = new URL(address), kept = [];
+  if (url.username || url.password) kept.push('password');
+  url.username = url.password = '';
+  const parts = url.search.slice(1).split('&').filter((part) => {
+    const [[name] = ['']] = new URLSearchParams(part);
+    const secret = CREDENTIALS.test(name) || SHORT_CREDENTIALS.test(name);
+    if (secret) kept.push(name);
+    return !secret;
+  });
+  url.search = parts.join('&');
+  return {address: url.href, kept};
+}
 
 let fading = null;  // the animation at whose end a word goes by itself
 
@@ -168,7 +186,8 @@ class Panel {
     return words.join('&');
   }
 
-  // The address of this page with all that, in the clipboard, too. Of a frame nobody sees the address.
+  // The address of this page with all that, and in the clipboard without what only its reader is to have. Of a frame
+  // nobody sees the address.
   async link() {
     if (!HAS_ADDRESS) {
       showMessage('This page has no address of its own that a link could lead to.', 'note');
@@ -182,12 +201,15 @@ class Panel {
     } catch {  // some browsers do not do so many times in a while
       seen = false;
     }
-    const copied = await Promise.resolve().then(() => navigator.clipboard.writeText(address))
+    const {address: link, kept} = withoutCredentials(address);
+    const copied = await Promise.resolve().then(() => navigator.clipboard.writeText(link))
       .then(() => true, () => false);
-    if (seen) showMessage(`The address of this page leads to this view now${copied ? ', and is copied' : ''}.`, 'done');
-    else if (copied) showMessage('A link to this view is copied.', 'done');
-    else showMessage(`A link to this view: ${address}`, 'link');
     this.linked = words;
+    const but = kept.length > 0 ? `, but for what looks secret (${kept.join(', ')})` : '';
+    if (!copied && (but || !seen)) showMessage(`A link to this view${but}: ${link}`, 'link');
+    else if (but) showMessage(`A link to this view is copied${but}.`, 'link');
+    else if (!seen) showMessage('A link to this view is copied.', 'done');
+    else showMessage(`The address of this page leads to this view now${copied ? ', and is copied' : ''}.`, 'done');
   }
 
   async fullscreen() {
