@@ -6,6 +6,7 @@ import {readFileSync, writeFileSync} from 'node:fs';
 import {readCameraFile} from '../../web/src/camera_file.js';
 import {addressIn} from '../../web/src/decoder.js';
 import {chooseLevels, isLodMeta, parseLodMeta} from '../../web/src/lod.js';
+import {planPool} from '../../web/src/pool.js';
 
 setInterval(() => {}, 1000);  // long work in slices does not keep Node from ending
 const failures = [];
@@ -126,6 +127,39 @@ expect('a box is turned, and stands for that of the means', box === means && box
   expect('ranges that overlap as much as they leave out', same === words(9, 0), same);
   const apart = await scene({0: range(0, 10, 5)}, {0: range(0, 0, 9)});
   expect('ranges with a gap', apart === 14, apart);
+}
+
+// A larger budget gets no less room, and what the device has none for gets the most that there is.
+for (const side of [2048, 4096, 8192, 16384]) {
+  for (const [all, least, files] of [[2e7, 20480, 400], [2e7, 20480, side - 100], [2e7, 20480, side + 1],
+                                     [1e6, 1e5, 40], [500, 20, 3]]) {
+    for (const shCoefficients of [0, 15]) {
+      const needs = {all, least, files, shCoefficients}, name = `${JSON.stringify(needs)} at ${side}`;
+      let before = 0;
+      for (let asked = 1000; asked < 1e8; asked *= 1.3) {
+        const {perRow, rows, budget, most} = planPool(side, needs, Math.ceil(asked));
+        const given = `${budget} for ${Math.ceil(asked)}, ${most} at most, ${rows} rows of ${perRow}`;
+        expect(`no less of ${name}`, budget >= before && budget >= Math.min(Math.ceil(asked), most), given);
+        expect(`a device has it: ${name}`, rows <= side && perRow * Math.max(5, shCoefficients) <= side, given);
+        const places = Math.min(all, least + 1.5 * budget);
+        expect(`room for ${name}`, rows >= Math.min(places / perRow + files, side), given);
+        before = budget;
+      }
+      const fits = all <= (side - files) * Math.floor(side / Math.max(5, shCoefficients));
+      expect(`all of ${name}`, fits === (before === Infinity), before);
+    }
+  }
+}
+expect('of the largest textures hardly anything is left', planPool(8192, {all: 2e7, least: 20480, files: 400,
+       shCoefficients: 15}, 1e8).budget > 2.8e6);
+{
+  let told = '';
+  try {
+    planPool(1024, {all: 1e6, least: 1e5, files: 1, shCoefficients: 15}, 1);
+  } catch (error) {
+    told = error.message;
+  }
+  expect('coarsest levels that are too many', told.startsWith('100000 Gaussians are too many for this device'), told);
 }
 
 // Spoilt ones are refused with a sentence, never by a slip of the reader's own.

@@ -208,6 +208,56 @@ def check_budget(scene):
     expect("chunks that were given up are asked for again", len(scene.server.asked) > first_round)
 
 
+# Textures of at most `side` texels a side, and none of more rows than `tallest`.
+SMALL_DEVICE = """{ const {prototype} = WebGL2RenderingContext, {getParameter, getError, texStorage2D} = prototype;
+const asked = new URLSearchParams(location.search), tallest = Number(asked.get('tallest')) || Infinity;
+let full = false;
+prototype.getParameter = function(name) {
+  return name === this.MAX_TEXTURE_SIZE ? Number(asked.get('side')) : getParameter.call(this, name);
+};
+prototype.texStorage2D = function(target, levels, format, width, height) {
+  full = full || height > tallest;
+  return texStorage2D.call(this, target, levels, format, width, height);
+};
+prototype.getError = function() {
+  const error = full ? this.OUT_OF_MEMORY : getError.call(this);
+  full = false;
+  return error;
+}; }"""
+
+
+def check_small_device(scene, address):
+    """A budget that the device has no room for: 6,500 Gaussians, 300 of them coarsest, in 12 files."""
+    seen = "[element.viewer.openings, element.model.lod.shown, element.words.textContent]"
+    for what, query, most in (("textures", "side=256", 2565), ("memory", "side=4096&tallest=60", 3250)):
+        with scene.browser.before_pages(SMALL_DEVICE):
+            scene.browser.open(f"{address}?{query}", 320, 240)
+        opened = scene.open(budget=100000)
+        found = scene.all_there()
+        words = f"This device has room for {most} Gaussians of the scene at a time."
+        openings, shown, told = scene.browser.evaluate(seen)
+        expect(f"a device of small {what} shows as much as it has room for", opened and 1200 < shown <= most, found)
+        expect("put there once", openings == 1, openings)
+        expect("and says so once", told == words and not found["told"], [told, found["told"]])
+        for budget in (200000, most + 1):
+            scene.browser.evaluate(f"element.setAttribute('splat-budget', '{budget}')")
+            found = scene.all_there()
+        expect("a larger budget changes nothing",
+               scene.browser.evaluate(seen) == [1, shown, words] and not found["told"], scene.browser.evaluate(seen))
+        scene.browser.evaluate("element.setAttribute('splat-budget', '2000')")
+        found = scene.all_there()
+        expect("a smaller one is kept", found["shown"] <= 2000, found)
+    scene.browser.evaluate("element.removeAttribute('splat-budget')")
+    opened = scene.open(budget=1500)
+    scene.all_there()
+    scene.browser.evaluate("element.setAttribute('splat-budget', '90000')")
+    scene.browser.evaluate("new Promise((done) => setTimeout(done, 300))")
+    found = scene.all_there()
+    told = scene.browser.evaluate(seen)[2]
+    expect("one that cannot be raised leaves the scene as it is", COARSEST < found["shown"] <= 1500 and
+           "does not fit" in told, [found, told])
+
+
 def check_faults(scene):
     for what, fault in (("cut off", {"broken": ["/scene/0_1/sh0"]}), ("not given", {"gone": ["/scene/0_1/"]}),
                         ("spoilt", {"broken": ["/scene/0_1/texture_texels"]})):
@@ -416,6 +466,8 @@ def main():
             scene = Scene(browser, server, in_page_axes(camera))
             check_streaming(scene, (folder / "reference.png").read_bytes())
             check_budget(scene)
+            check_small_device(scene, f"{server.address}/page/page.html")
+            browser.open(f"{server.address}/page/page.html", 320, 240)
             expect("no word on the console", not browser.log, browser.log[:3])
             check_faults(scene)
             check_page(browser, server, programs, (folder / "reference.png").read_bytes())

@@ -148,7 +148,8 @@ export function moveByKey(viewer: Viewer, event: {key: string; shiftKey: boolean
 /** A model in a WebGL 2 context that another engine draws with. */
 export class Splats {
   static inContext(gl: WebGL2RenderingContext, model: Model,
-                   options?: {onChange?: () => void; onError?: (error: Error) => void}): Promise<Splats>;
+                   options?: {onChange?: () => void; onError?: (error: Error) => void;
+                              onNote?: (words: string) => void}): Promise<Splats>;
   settings: Settings;
   /** Whether nothing more is to come for the last view; a promise of that. */
   readonly complete: boolean;

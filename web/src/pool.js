@@ -6,6 +6,7 @@ import {GAUSSIAN_NUMBERS} from './pack.js';
 import {BLOCK_BYTES, GpuModel, TEXELS_PER_GAUSSIAN} from './renderer.js';
 
 const LEAST_PER_ROW = 128;    // Gaussians: what a piece leaves free of its last row
+const SPARE = 0.5;            // of the budget: what was seen a moment ago, and what comes in place of what is drawn
 const LAYER_ROWS = 512;       // [texels] of an atlas
 const USUAL_TEXELS = 16;      // of a Gaussian, where atlases cannot grow
 
@@ -66,21 +67,33 @@ function gathered(list, width, pieces) {
   return out;
 }
 
-// How many Gaussians stand in a row on this device if `places` are to have room; 0 where they cannot.
-export function perRowFor(side, places, shCoefficients) {
-  const most = Math.floor(side / Math.max(TEXELS_PER_GAUSSIAN, shCoefficients));
-  const perRow = Math.max(Math.min(LEAST_PER_ROW, most), Math.ceil(places / side));
-  return perRow <= most ? perRow : 0;
+// What a scene takes on a device whose textures have `side` texels a side: {perRow, rows: of Gaussians, budget: of
+// those that may be drawn, `asked` or the most that there is room for, Infinity: all, most: that room}. `all`, `least`:
+// Gaussians of all levels and of the coarsest ones, in so many files. A larger budget never gets less. Throws where not
+// even the coarsest levels have room.
+export function planPool(side, {all, least, files, shCoefficients}, asked) {
+  const widest = Math.floor(side / Math.max(TEXELS_PER_GAUSSIAN, shCoefficients));
+  if (least > widest * side) {
+    throw new Error(`${least} Gaussians are too many for this device, even in the coarsest levels`);
+  }
+  const full = Math.max(side - files, 0);  // rows: the last one of what comes together is not
+  const room = full * widest;
+  const most = all <= room ? Infinity : Math.max(Math.floor((room - least) / (1 + SPARE)), 0);
+  const budget = Math.min(asked, most);
+  const places = Math.min(all, least + Math.ceil((1 + SPARE) * budget));
+  const perRow = Math.max(Math.min(LEAST_PER_ROW, widest), Math.ceil(places / (places <= room ? full : side)));
+  const rows = Math.min(Math.ceil(places / perRow) + files, side);
+  return {perRow, rows, budget: places === all ? Infinity : budget, most};
 }
 
 export class SplatPool extends GpuModel {
-  // rows: of perRow Gaussians; kind: {shCoefficients, mode} as GpuModel has it.
-  static async open(renderer, rows, perRow, kind) {
+  // plan: {perRow, rows, budget, most} as planPool() has it; kind: {shCoefficients, mode} as GpuModel has it.
+  static async open(renderer, plan, kind) {
     await renderer.linked();
     const {gl} = renderer;
     await renderer.finished();  // before asking for errors, here and below: that waits for all that was sent
     while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost());
-    const pool = new SplatPool(renderer, rows, perRow, kind);
+    const pool = new SplatPool(renderer, plan, kind);
     try {
       renderer.guarded(() => pool.allocate());
       await renderer.finished();
@@ -92,9 +105,11 @@ export class SplatPool extends GpuModel {
     return pool;
   }
 
-  constructor(renderer, rows, perRow, kind) {
+  constructor(renderer, {perRow, rows, budget, most}, kind) {
     super(renderer.gl, {...kind, count: rows * perRow}, perRow, rows);
     this.renderer = renderer;
+    this.budget = budget;
+    this.mostBudget = most;
     this.gaussianRows = new Rows(rows);
     this.users = new Uint16Array(rows);  // pieces that stand in a row
     this.layers = [];  // rows of atlases

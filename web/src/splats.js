@@ -30,11 +30,12 @@ export class Splats {
   }
 
   // onChange(): there is a better order than the last one drawn. onError(error): of what cannot be drawn.
-  // onFailed(error): there will be no order any more.
+  // onFailed(error): there will be no order any more. onNote(words): of what the model's notes say from now on.
   static async create(renderer, model, {onChange = () => {}, onError = (error) => console.error(error),
-                                        onFailed = onError} = {}) {
-    if (model.lod) return model.lod.open(renderer, model, {onChange, onError, onFailed});
-    const splats = new Splats(renderer, model, await renderer.upload(model), {onChange, onError, onFailed});
+                                        onFailed = onError, onNote = (words) => console.warn(words)} = {}) {
+    const hooks = {onChange, onError, onFailed, onNote};
+    if (model.lod) return model.lod.open(renderer, model, hooks);
+    const splats = new Splats(renderer, model, await renderer.upload(model), hooks);
     splats.sorter.put(0, Float32Array.from(model.mean));
     splats.sorter.show([0, model.count]);
     return splats;
@@ -43,8 +44,8 @@ export class Splats {
   // In a context that another engine draws with.
   static inContext(gl, model, options) { return Splats.create(rendererOf(gl), model, options); }
 
-  constructor(renderer, model, gpu, {onChange, onError, onFailed}) {
-    Object.assign(this, {renderer, model, gpu, onChange, onError, onFailed});
+  constructor(renderer, model, gpu, hooks) {
+    Object.assign(this, {renderer, model, gpu, ...hooks});
     this.settings = Splats.settingsOf(model);
     this.complaint = '';  // the last one, which is said once
     this.sorter = new Sorter(gpu.perRow * gpu.rows, {
@@ -71,7 +72,7 @@ export class Splats {
     if (this.failure) throw this.failure;
   }
 
-  // After the budget of a scene with levels was changed. False where it is more than there is room for.
+  // After the budget of a scene with levels was changed. False where the model is to be put on the device again for it.
   replan() { return true; }
 
   sort(camera) { this.sorter.want(viewRow(camera)); }

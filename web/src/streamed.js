@@ -9,14 +9,13 @@ import {addressIn} from './decoder.js';
 import {fetchBytes} from './fetch.js';
 import {chooseLevels, parseLodMeta} from './lod.js';
 import {GAUSSIAN_NUMBERS, SCALE_NUMBER} from './pack.js';
-import {SplatPool, perRowFor} from './pool.js';
+import {SplatPool, planPool} from './pool.js';
 import {Splats} from './splats.js';
 
 const SPLAT_BUDGET = 1000000;  // Gaussians, if nobody says another number
 const MOST_CAMERAS = 1 << 25;  // [bytes] of cameras.json
 const AT_ONCE = 4;             // chunks on their way
 const PLAN_MILLISECONDS = 100; // between two choices of levels
-const SPARE = 0.5;             // of the budget: what was seen a moment ago, and what comes in place of what is drawn
 
 // What scenes that are shown have in common: the chunks' addresses and the way to them.
 export class LodStream {
@@ -26,6 +25,7 @@ export class LodStream {
     this.folder = String(new URL('.', this.address));
     for (const file of scene.files) file.address = addressIn(this.folder, this.address, file.name);
     this.budget = budget;
+    this.memory = Infinity;  // a budget beyond which the device has none
     this.loader = new ChunkLoader();
     // Of the pieces: what the file says, or the first chunk. Textures are this toolchain's, whose files say so.
     const {shCoefficients = null, mode = 0} = scene.own || {};
@@ -159,9 +159,10 @@ export async function readLod(address, bytes, options) {
 export class StreamedSplats extends Splats {
   static async open(stream, renderer, model, hooks) {
     const stop = new AbortController();
-    const chunks = stream.first || (await stream.loadCoarsest(stop.signal)).chunks;
+    const {first} = stream;
+    const chunks = first || (await stream.loadCoarsest(stop.signal)).chunks;
     stream.first = null;
-    const pool = await openPool(stream, renderer);
+    const pool = await openPool(stream, renderer, first !== null);
     const splats = new StreamedSplats(stream, renderer, model, pool, hooks, stop);
     try {
       for (const chunk of chunks) await splats.place(chunk);
@@ -170,6 +171,7 @@ export class StreamedSplats extends Splats {
       throw error;
     }
     splats.advance();
+    splats.tellRoom();
     return splats;
   }
 
@@ -232,11 +234,23 @@ export class StreamedSplats extends Splats {
     }, wait);
   }
 
-  // After the budget was changed. False where it is more than there is room for.
+  // After the budget was changed. False where a larger pool has room for it, or for more of it.
   replan() {
+    const {stream, gpu} = this;
     this.planned = null;
     if (this.camera) this.planSoon();
-    return this.stream.budget <= this.gpu.budget;
+    this.tellRoom();
+    return Math.min(stream.budget, gpu.mostBudget) <= gpu.budget;
+  }
+
+  // A note of the model's, once, where somebody asked for more than the device has room for.
+  tellRoom() {
+    const {stream, gpu, model} = this;
+    if (stream.budget <= gpu.mostBudget || stream.budget === stream.usualBudget) return;
+    const words = `This device has room for ${gpu.mostBudget} Gaussians of the scene at a time.`;
+    if (model.notes.includes(words)) return;
+    model.notes.push(words);
+    this.onNote(words);
   }
 
   // Chooses levels for the camera.
@@ -415,19 +429,22 @@ export class StreamedSplats extends Splats {
 }
 
 // A pool for what a stream's budget needs on the renderer's device: all coarsest levels, the budget and some to spare.
-async function openPool({scene, coarsest, budget, kind}, renderer) {
+// `shrinks`: where the device has no memory for it, for half of it and so on.
+async function openPool(stream, renderer, shrinks) {
+  const {scene, coarsest, kind} = stream;
   const {gl} = renderer;
-  const side = gl.getParameter(gl.MAX_TEXTURE_SIZE);
   const sum = (pieces) => pieces.reduce((total, {count}) => total + count, 0);
-  const all = sum(scene.pieces), least = sum([...coarsest]);
-  const wanted = Math.min(all, least + Math.ceil((1 + SPARE) * budget));
-  const perRow = perRowFor(side, wanted, kind.shCoefficients) || perRowFor(side, least, kind.shCoefficients);
-  if (!perRow) throw new Error(`${least} Gaussians are too many for this device, even in the coarsest levels`);
-  // The last row of what comes together is not full.
-  const rowsFor = (gaussians) => Math.ceil(gaussians / perRow) + scene.files.length;
-  const rows = Math.min(rowsFor(wanted), side);
-  const pool = await SplatPool.open(renderer, rows, perRow, kind);
-  if (rows < rowsFor(wanted)) pool.budget = Math.floor(Math.max(rows - rowsFor(least), 0) / (1 + SPARE)) * perRow;
-  else pool.budget = wanted === all ? Infinity : budget;
-  return pool;
+  const needs = {all: sum(scene.pieces), least: sum([...coarsest]), files: scene.files.length,
+                 shCoefficients: kind.shCoefficients};
+  for (;;) {
+    const plan = planPool(gl.getParameter(gl.MAX_TEXTURE_SIZE), needs, Math.min(stream.budget, stream.memory));
+    plan.most = Math.min(plan.most, stream.memory);
+    try {
+      return await SplatPool.open(renderer, plan, kind);
+    } catch (error) {
+      const less = Math.floor(Math.min(plan.budget, needs.all) / 2);
+      if (!shrinks || less === 0 || gl.isContextLost()) throw error;
+      stream.memory = less;
+    }
+  }
 }

@@ -165,8 +165,10 @@ export class Viewer {
     const ordered = new Promise((resolve, reject) => { [first, broken] = [resolve, reject]; });
     ordered.catch(() => {});  // where nobody waits for it
     try {
+      // Notes of a model that is opened are for who opens it.
+      const onNote = (words) => this.model === model && this.onError(new Error(words));
       next = await Splats.create(renderer, model, {onChange: () => first(), onError: (e) => this.onError(e),
-                                                   onFailed: (e) => broken(e)});
+                                                   onFailed: (e) => broken(e), onNote});
       if (next.failure) throw next.failure;
       if (this.orbit && this.splats) {
         next.sort(this.camera);
