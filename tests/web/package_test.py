@@ -137,6 +137,11 @@ def show_element(browser, address, references):
         viewer.canvas.dispatchEvent(new KeyboardEvent('keydown', {{key: 'ArrowLeft', bubbles: true}}));
         return viewer.viewText !== before;
     }})({loaded})"""))
+    # On another screen no size of the page changes.
+    browser.evaluate(f"{loaded}.viewer.setSize('window'); {loaded}.style.width = '100px'; {loaded}.viewer.settled()")
+    for ratio in (2, 1):
+        browser.page("Emulation.setDeviceMetricsOverride", width=SIDE, height=SIDE, deviceScaleFactor=ratio, mobile=False)
+        until(browser, f"{loaded}.canvas.width === {100 * ratio}")
     told = browser.evaluate(f"""(async (element) => {{
         const failed = new Promise((done) => element.addEventListener('error', ({{detail}}) => done(detail.error.message)));
         element.src = 'scene.none';

@@ -18,7 +18,14 @@ globalThis.requestAnimationFrame = (call) => {
   const at = period * (Math.floor(now / period + 1e-6) + 1);
   timers.push({call: () => call(now), at, id: ++number});
 };
-globalThis.window = {devicePixelRatio: 1};
+const queries = [];  // of the screen
+globalThis.window = {
+  devicePixelRatio: 1,
+  matchMedia(media) {
+    queries.push({media, onchange: null});
+    return queries.at(-1);
+  },
+};
 
 function waitUntil(end) {
   for (;;) {
@@ -139,6 +146,35 @@ for (const ratio of [2, 1.5, 0.5]) {
   expect('and without it', String(sizes()) === String(expected), sizes());
 }
 window.devicePixelRatio = 1;
+
+// The window on another screen, or zoomed: nothing else says so.
+{
+  queries.length = 0;
+  const viewer = await makeViewer(), {canvas} = viewer;
+  const heard = () => queries.filter(({onchange}) => onchange);
+  const become = async (ratio) => {
+    window.devicePixelRatio = ratio;
+    for (const {onchange} of heard()) onchange();
+    await settle();
+  };
+  Object.assign(canvas.style, {width: '300px', height: '150px'});
+  await settle();
+  for (const ratio of [2, 3, 1]) {
+    await become(ratio);
+    const {width, height} = viewer.sorts.at(-1), listens = heard().map(({media}) => media).join();
+    expect(`a picture at ${ratio} pixels for one`, canvas.width === 300 * ratio && width === 300 * ratio &&
+      height === 150 * ratio, [canvas.width, width, height]);
+    expect('the ratio that is listened for', listens === `(resolution: ${ratio}dppx)`, listens);
+  }
+  viewer.setSize('64x64');
+  await become(2);
+  expect('one of a fixed size keeps its pixels', canvas.width === 64 && canvas.style.width === '32px', canvas.style);
+  viewer.renderer.dispose = () => {};
+  viewer.device = {loseContext() {}};
+  viewer.dispose();
+  expect('a viewer that was disposed of listens no more', heard().length === 0, heard().length);
+  window.devicePixelRatio = 1;
+}
 
 // A larger picture is sorted anew, and its levels chosen; then nothing more is drawn.
 {

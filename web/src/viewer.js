@@ -62,6 +62,18 @@ export class Viewer {
       this.sayLost('');
       if (!this.lost) this.restore().catch((error) => this.fail(error));
     });
+    this.watchRatio();
+  }
+
+  // Another screen, or another zoom, has other pixels; nothing else of the page need change with it.
+  watchRatio() {
+    this.ratio = window.matchMedia(`(resolution: ${window.devicePixelRatio || 1}dppx)`);
+    this.ratio.onchange = () => {
+      this.ratio.onchange = null;
+      this.watchRatio();
+      this.layOut();
+      this.changed();
+    };
   }
 
   // Those that wait for a picture are told why none comes, else whoever listens.
@@ -449,10 +461,13 @@ export class Viewer {
       throw new Error(`size=${text} (expected WxH, 1 to ${MAX_FIXED_SIDE} pixels each, or window)`);
     }
     this.fixedSize = size;
-    const ratio = window.devicePixelRatio || 1;
-    Object.assign(this.canvas.style, size ? {width: `${size[0] / ratio}px`, height: `${size[1] / ratio}px`}
-                                          : this.layout);
+    this.layOut();
     this.resize();
+  }
+
+  layOut() {
+    const {canvas, fixedSize: size, layout} = this, ratio = window.devicePixelRatio || 1;
+    Object.assign(canvas.style, size ? {width: `${size[0] / ratio}px`, height: `${size[1] / ratio}px`} : layout);
   }
 
   setCamera(wanted) {
@@ -582,6 +597,7 @@ export class Viewer {
     if (!this.renderer) return;
     ++this.openings;
     this.land();
+    this.ratio.onchange = null;
     clearTimeout(this.restTimer);
     clearTimeout(this.lostTimer);
     if (this.splats) this.splats.dispose();
