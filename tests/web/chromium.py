@@ -214,6 +214,12 @@ class Chromium:
             self.page("Input.dispatchTouchEvent", type="touchMove" if k else "touchStart", touchPoints=points)
         self.page("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
+    def pictures_told(self):
+        """The names of pictures that have one, as a screen reader has them."""
+        nodes = self.page("Accessibility.getFullAXTree")["nodes"]
+        names = [node["name"]["value"] for node in nodes if node.get("role", {}).get("value") in ("img", "image")]
+        return [name for name in names if name]
+
     def middle(self, selector):
         """Of an element, in the window."""
         return self.evaluate(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])"

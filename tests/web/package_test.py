@@ -137,6 +137,28 @@ def show_element(browser, address, references):
         viewer.canvas.dispatchEvent(new KeyboardEvent('keydown', {{key: 'ArrowLeft', bubbles: true}}));
         return viewer.viewText !== before;
     }})({loaded})"""))
+    told = browser.evaluate("""(async () => {
+        const element = document.createElement('textured-gaussians');
+        window.named = element;
+        const sources = ['a/sc%C3%A9ne%201.glb?token=abc#x', 'city/lod-meta.json', '100%.sog', 'data:,x', ''];
+        const names = sources.map((src) => {
+          element.src = src;
+          return element.canvas.ariaLabel;
+        });
+        element.title = 'a title';
+        names.push(element.canvas.ariaLabel);
+        element.setAttribute('alt', 'a fox');
+        document.body.append(element);
+        return [...names, element.canvas.ariaLabel];
+    })()""")
+    view = [f"3D view of {name}" for name in ("sc\u00e9ne 1.glb", "city", "100%.sog", "a model", "a model")]
+    expect("an element is called by its text, its title or its file", told == [*view, "a title", "a fox"], told)
+    names = browser.pictures_told()
+    expect("and is a picture to screen readers", "a fox" in names and len(names) == 2, names)
+    browser.evaluate("named.canvas.focus({focusVisible: true})")
+    ring = browser.evaluate("getComputedStyle(named.canvas).outlineStyle")
+    expect("that shows where the keyboard is", ring == "solid", ring)
+    browser.evaluate("named.remove()")
     # On another screen no size of the page changes.
     browser.evaluate(f"{loaded}.viewer.setSize('window'); {loaded}.style.width = '100px'; {loaded}.viewer.settled()")
     for ratio in (2, 1):

@@ -129,6 +129,8 @@ def at_a_desk(browser, page):
     keep(browser, "desk")
     scheme = browser.evaluate("getComputedStyle(document.getElementById('camera')).colorScheme")
     expect("what the browser draws by itself is dark, too", scheme == "dark", scheme)
+    told = browser.pictures_told()
+    expect("a screen reader has the picture with the model's name", told == ["3D view of page"], told)
     camera = "tgViewer.cameraIndex"
     expect("the bar is gone once the picture stands", browser.evaluate("document.getElementById('loading').hidden"))
     first = browser.evaluate(camera)

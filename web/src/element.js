@@ -27,14 +27,26 @@ function makeRoom() {
   (awake.find((element) => !element.inView) || awake[0]).sleep();
 }
 
+// What a model's address calls it: its file, or the folder of a lod-meta.json.
+function nameIn(address) {
+  const [path] = address.split(/[?#]/), found = path.match(/([^/]+?)(\/lod-meta\.json)?$/);
+  if (!found || /^(data|blob):/.test(address)) return 'a model';
+  try {
+    return decodeURIComponent(found[1]);
+  } catch {  // a % of its own
+    return found[1];
+  }
+}
+
 // Imported on a server, which has no elements, it is a class of no use, and no error.
 export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object) {
-  static get observedAttributes() { return ['src', 'alt', ...SETTINGS]; }
+  static get observedAttributes() { return ['src', 'alt', 'title', ...SETTINGS]; }
 
   constructor() {
     super();
     const root = this.attachShadow({mode: 'open'});
-    root.innerHTML = `<style>${STYLE}</style><canvas tabindex="0"></canvas><div hidden></div><p role="alert"></p>`;
+    root.innerHTML = `<style>${STYLE}</style><canvas tabindex="0" role="img"></canvas>
+      <div hidden role="progressbar" aria-label="loading"></div><p role="alert"></p>`;
     [, this.canvas, this.bar, this.words] = root.children;
     this.viewer = null;
     this.still = null;     // what is seen instead of the canvas while the viewer has no context
@@ -78,12 +90,11 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
   }
 
   attributeChangedCallback(name, before, value) {
+    if (['src', 'alt', 'title'].includes(name)) this.label();
     if (name === 'src') {
       this.refused = null;
       if (this.isConnected) this.open();
-    } else if (name === 'alt') {
-      this.label();
-    } else if (this.model) {
+    } else if (SETTINGS.includes(name) && this.model) {
       this.wake().then(() => {
         if (value === null) this.viewer.reset(name);
         this.apply([name]);
@@ -91,7 +102,11 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
     }
   }
 
-  label() { this.canvas.setAttribute('aria-label', this.getAttribute('alt') || '3D view of a model'); }
+  // What the picture is called for who does not see it.
+  label() {
+    const name = this.getAttribute('alt') || this.getAttribute('title') || `3D view of ${nameIn(this.src)}`;
+    this.canvas.setAttribute('aria-label', name);
+  }
 
   get src() { return this.getAttribute('src') || ''; }
   set src(address) { this.setAttribute('src', address); }
@@ -202,7 +217,9 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
 
   progress(loaded, total) {
     this.bar.hidden = false;
-    this.bar.style.width = `${total > 0 ? 90 * loaded / total : 50}%`;
+    const share = total > 0 ? 90 * loaded / total : 50;
+    this.bar.style.width = `${share}%`;
+    this.bar.setAttribute('aria-valuenow', String(Math.round(share)));
     this.dispatchEvent(new CustomEvent('progress', {detail: {loaded, total}}));
   }
 

@@ -226,6 +226,7 @@ class Panel {
     const {model} = this.viewer;
     element('tools').hidden = !this.hasBar;
     element('title').textContent = this.name;
+    element('picture').setAttribute('aria-label', `3D view of ${this.name}`);
     this.stops = Math.max(model.views.length, model.cameras.length);
     element('cameras').hidden = this.stops === 0;
     element('play').hidden = this.stops < 2;
