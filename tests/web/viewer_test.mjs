@@ -47,7 +47,10 @@ function makeCanvas() {
     width: 300, height: 150, style: {}, listeners: {},
     get clientWidth() { return this.style.width ? parseFloat(this.style.width) : this.width; },
     get clientHeight() { return this.style.height ? parseFloat(this.style.height) : this.height; },
-    addEventListener(name, call) { this.listeners[name] = call; },
+    addEventListener(name, call, {signal} = {}) {
+      this.listeners[name] = call;
+      if (signal) signal.addEventListener('abort', () => { delete this.listeners[name]; });
+    },
     toDataURL() { return this.seen; },
   };
 }
@@ -78,6 +81,12 @@ class TestViewer extends Viewer {
     return {settings: {...this.settings}, sorted: true, complete: true, gpu: {}, takeOrder() {}, dispose() {},
             completed() {}, sort: (camera) => this.sorts.push(camera)};
   }
+}
+
+function dispose(viewer) {
+  viewer.renderer.dispose = () => {};
+  viewer.device = {loseContext() {}};
+  viewer.dispose();
 }
 
 async function settle(milliseconds = 1000) {
@@ -169,9 +178,7 @@ window.devicePixelRatio = 1;
   viewer.setSize('64x64');
   await become(2);
   expect('one of a fixed size keeps its pixels', canvas.width === 64 && canvas.style.width === '32px', canvas.style);
-  viewer.renderer.dispose = () => {};
-  viewer.device = {loseContext() {}};
-  viewer.dispose();
+  dispose(viewer);
   expect('a viewer that was disposed of listens no more', heard().length === 0, heard().length);
   window.devicePixelRatio = 1;
 }
@@ -202,6 +209,15 @@ window.devicePixelRatio = 1;
   expect('a swipe to the side during a flight', turn(viewer, 0) && viewer.playing, viewer.playing);
   expect('a wheel of a gesture that the page has', !turn(viewer, 100, false) && viewer.playing, viewer.playing);
   expect('a wheel', turn(viewer, 100) && !viewer.playing, viewer.playing);
+  const own = Object.keys((await makeViewer()).canvas.listeners).join();
+  const left = ({canvas}) => Object.keys(canvas.listeners).join();
+  const stop = listenToHands(viewer);
+  expect('hands that are listened to', left(viewer).includes('pointermove,'), left(viewer));
+  if (stop) stop();
+  expect('hands that are listened to no more', left(viewer) === own, left(viewer));
+  listenToHands(viewer);
+  dispose(viewer);
+  expect('hands of a viewer that was disposed of', left(viewer) === own, left(viewer));
 }
 
 // What there is not is told, and the view stays.

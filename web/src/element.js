@@ -55,6 +55,7 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
     this.loaded = null;    // {address, model} of what was read last
     this.refused = null;   // {model, error}: the one that could not be shown, and why
     this.stop = null;
+    this.letGo = null;     // ends what listens to hands
     this.reasons = {};     // by attribute, why it does nothing
     this.watcher = new ResizeObserver(() => this.viewer && this.viewer.changed());
     this.lookout = new IntersectionObserver((entries) => {
@@ -72,6 +73,7 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
 
   connectedCallback() {
     this.label();
+    if (this.viewer) this.letGo = listenToHands(this.viewer);
     this.watcher.observe(this);
     this.lookout.observe(this);
     if (this.loaded && this.loaded.address === this.src) this.look();
@@ -80,6 +82,8 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
 
   disconnectedCallback() {
     if (this.stop) this.stop.abort();
+    if (this.letGo) this.letGo();
+    this.letGo = null;
     this.loading = null;
     this.watcher.disconnect();
     this.lookout.disconnect();
@@ -175,7 +179,7 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
           else if (this.model) this.apply([]);
           else this.words.textContent = '';
         };
-        listenToHands(this.viewer);
+        this.letGo = listenToHands(this.viewer);
       }
       awake.push(this);
     }

@@ -6,8 +6,12 @@ const STEP = 0.05;                // of the picture's height, of an arrow key wi
 const ZOOM = 1.1;
 const ARROWS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
+// Until the function that it returns is called, or the viewer is disposed of.
 export function listenToHands(viewer) {
   const {canvas} = viewer;
+  const end = new AbortController(), stop = () => end.abort();
+  const listen = (name, call, options) => canvas.addEventListener(name, call, {...options, signal: end.signal});
+  viewer.end.signal.addEventListener('abort', stop, {signal: end.signal});
   const pointers = new Map();
   const middle = () => {
     const points = [...pointers.values()];
@@ -20,12 +24,12 @@ export function listenToHands(viewer) {
     viewer.moved();
     viewer.changed(true);
   };
-  canvas.addEventListener('pointerdown', (event) => {
+  listen('pointerdown', (event) => {
     if (event.isPrimary) pointers.clear();  // of those that are left the end has not come
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
   });
-  canvas.addEventListener('pointermove', (event) => {
+  listen('pointermove', (event) => {
     if (event.buttons === 0) pointers.delete(event.pointerId);  // it was let go elsewhere
     if (!pointers.has(event.pointerId) || !viewer.model) return;
     const before = middle();
@@ -45,10 +49,10 @@ export function listenToHands(viewer) {
     moved();
   });
   for (const name of ['pointerup', 'pointercancel', 'lostpointercapture']) {
-    canvas.addEventListener(name, (event) => pointers.delete(event.pointerId));
+    listen(name, (event) => pointers.delete(event.pointerId));
   }
-  canvas.addEventListener('contextmenu', (event) => event.preventDefault());
-  canvas.addEventListener('wheel', (event) => {
+  listen('contextmenu', (event) => event.preventDefault());
+  listen('wheel', (event) => {
     // Where there is nothing to zoom the page scrolls. A gesture that began so cannot be taken later.
     if (!viewer.model || !event.cancelable) return;
     event.preventDefault();
@@ -58,6 +62,7 @@ export function listenToHands(viewer) {
     viewer.orbit.dolly(Math.exp(0.0015 * Math.max(-300, Math.min(300, pixels))));
     moved();
   }, {passive: false});
+  return stop;
 }
 
 // Whether a key moved the camera: arrows turn it, with Shift they push it aside, + and - zoom.

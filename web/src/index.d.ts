@@ -142,7 +142,8 @@ export class Viewer {
   dispose(): void;
 }
 
-export function listenToHands(viewer: Viewer): void;
+/** Until the function that it returns is called, or the viewer is disposed of. */
+export function listenToHands(viewer: Viewer): () => void;
 export function moveByKey(viewer: Viewer, event: {key: string; shiftKey: boolean}): boolean;
 
 /** A model in a WebGL 2 context that another engine draws with. */

@@ -61,6 +61,7 @@ export class SplatRenderer {
     this.resolve = this.program('resolve.vert', 'resolve.frag');
     this.emptyArray = gl.createVertexArray();
     this.target = null;
+    this.users = 0;  // models that are drawn with it
     this.ready = null;
     this.drawing = null;  // a fence behind the last draw()
   }

@@ -51,6 +51,8 @@ export class Splats {
     this.sorter = new Sorter(gpu.perRow * gpu.rows, {
       onChange: () => this.onChange(), onError: (error) => this.sortingFailed(error),
     });
+    this.disposed = false;
+    ++renderer.users;
   }
 
   sortingFailed(error) { this.onFailed(error); }
@@ -118,9 +120,13 @@ export class Splats {
     this.complaint = words;
   }
 
+  // Once nothing is left that is drawn with the context, nothing but programs is.
   dispose() {
+    if (this.disposed) return;
+    this.disposed = true;
     this.onChange = this.onFailed = () => {};
     this.sorter.dispose();
     this.gpu.dispose();
+    if (--this.renderer.users === 0) this.renderer.dropTarget();
   }
 }

@@ -48,6 +48,7 @@ export class Viewer {
     this.missing = [];        // called once there is a device again
     this.lostSaid = false;
     this.taking = null;       // resolves when a larger budget has its room
+    this.end = new AbortController();  // what listens for the viewer until it is disposed of
     this.lost = null;         // resolves once the context is, that release() has given back
     this.onChange = () => {};
     this.onError = (error) => console.error(error);
@@ -597,6 +598,7 @@ export class Viewer {
     if (!this.renderer) return;
     ++this.openings;
     this.land();
+    this.end.abort();
     this.ratio.onchange = null;
     clearTimeout(this.restTimer);
     clearTimeout(this.lostTimer);
