@@ -25,6 +25,7 @@ from chromium import Chromium, Difference, from_data_url
 REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 FINAL_DB = 38.0   # what the page promises of the picture
 OUTPUT_DB = 45.0  # one output has fewer terms
+FAR_DB = 25.0     # of depths from afar: 31 of 32-bit floats, where a pixel of an outline comes or goes, 12 of halves
 START_DB = 50.0   # the same view, of Gaussians without textures
 # Settings under tgview's names, for the model's first camera; then other cameras with none.
 VARIANTS = [{}, {"show": "base"}, {"show": "texture"}, {"show": "alpha"}, {"show": "normal"}, {"textures": "off"},
@@ -131,6 +132,25 @@ def main():
         beyond = [browser.evaluate(f"tgViewer.picture({json.dumps({**own, 'camera': 0, 'size': size, **variant})})")
                   for variant in ({}, {"outside": "clip"}, {"outside": "edge"})]
         expect("each treatment beyond textures has its picture", len(set(beyond)) == 3)
+
+        # From far and from farther, through a lens as long: there halves of floats have steps as large as the model.
+        far = browser.evaluate("""(async (size) => {
+          const near = tgViewer.model.cameras[0], {center} = tgViewer.orbit.bounds, [, , ahead] = near.axes;
+          const reach = ahead.reduce((sum, x, k) => sum + x * (center[k] - near.eye[k]), 0);
+          const pictures = [];
+          for (const times of [100, 1000]) {
+            const eye = near.eye.map((x, k) => x - (times - 1) * reach * ahead[k]);
+            const camera = {...near, eye, fx: times * near.fx, fy: times * near.fy};
+            pictures.push(await tgViewer.picture({camera, size, show: 'depth'}));
+          }
+          await tgViewer.picture({camera: 0, show: 'final'});
+          return [...pictures, tgViewer.renderer.gl.getSupportedExtensions().includes('EXT_float_blend')];
+        })('%s')""" % size)
+        if far[2]:
+            same = Difference(browser, *map(from_data_url, far[:2]))
+            expect(f"depths from farther are told apart as well, at least {FAR_DB:.0f} dB", same.psnr >= FAR_DB, same)
+        else:
+            print("not measured: depths from farther (no EXT_float_blend here)")
 
         # By hand: the same camera again, and away from it.
         turned = browser.evaluate("""(async () => {

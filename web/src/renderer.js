@@ -56,6 +56,8 @@ export class SplatRenderer {
     this.guarded = shared ? (body) => keepingState(gl, Object.values(UNITS), body) : (body) => body();
     // Sums of signed textures need more than 8 bits and a sign; without float targets negative texels are cut.
     this.deep = Boolean(gl.getExtension('EXT_color_buffer_float') || gl.getExtension('EXT_color_buffer_half_float'));
+    // Depths want more digits than half floats have.
+    this.precise = Boolean(gl.getExtension('EXT_color_buffer_float') && gl.getExtension('EXT_float_blend'));
     this.parallel = gl.getExtension('KHR_parallel_shader_compile');
     this.splat = this.program('splat.vert', 'splat.frag');
     this.resolve = this.program('resolve.vert', 'resolve.frag');
@@ -245,14 +247,16 @@ export class SplatRenderer {
   }
 
   // A picture to sum into, of at least 16 bits a channel where the device can. `depth`: a format of a depth buffer, or
-  // 0.
-  sizeTarget(width, height, depth) {
+  // 0; `precise`: of 32 bits.
+  sizeTarget(width, height, depth, precise = false) {
     const {gl, target} = this;
-    if (target && target.width === width && target.height === height && target.depth === depth) return;
+    const format = precise ? gl.RGBA32F : this.deep ? gl.RGBA16F : gl.RGBA8;
+    const same = target && target.width === width && target.height === height;
+    if (same && target.depth === depth && target.format === format) return;
     this.dropTarget();
-    this.target = {width, height, depth, framebuffer: gl.createFramebuffer(), buffer: null};
+    this.target = {width, height, depth, format, framebuffer: gl.createFramebuffer(), buffer: null};
     this.newTexture(this.target, 'u_sum', gl.TEXTURE_2D, gl.NEAREST);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, this.deep ? gl.RGBA16F : gl.RGBA8, width, height);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target.framebuffer);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.target.u_sum, 0);
     if (depth) {
@@ -365,7 +369,7 @@ export class SplatRenderer {
   // On the whole canvas, whose size may be larger than the camera's. settings: also background and depthRange.
   draw(gpu, camera, settings) {
     const {gl} = this;
-    this.sizeTarget(camera.width, camera.height, 0);
+    this.sizeTarget(camera.width, camera.height, 0, this.precise && settings.show === 'depth');
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target.framebuffer);
     this.sum(gpu, camera, settings, [0, 0], null);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
