@@ -7,6 +7,7 @@ import {readCameraFile} from '../../web/src/camera_file.js';
 import {addressIn} from '../../web/src/decoder.js';
 import {chooseLevels, isLodMeta, parseLodMeta} from '../../web/src/lod.js';
 import {planPool} from '../../web/src/pool.js';
+import {LodStream} from '../../web/src/streamed.js';
 
 setInterval(() => {}, 1000);  // long work in slices does not keep Node from ending
 const failures = [];
@@ -127,6 +128,37 @@ expect('a box is turned, and stands for that of the means', box === means && box
   expect('ranges that overlap as much as they leave out', same === words(9, 0), same);
   const apart = await scene({0: range(0, 10, 5)}, {0: range(0, 0, 9)});
   expect('ranges with a gap', apart === 14, apart);
+}
+
+// Of coarsest levels in many files a few are fetched at a time, and all of them, whichever fail.
+{
+  globalThis.document = {baseURI: 'http://server/'};
+  const names = Array.from({length: 50}, (_, i) => `${i}/meta.json`), bound = {min: [0, 0, 0], max: [1, 1, 1]};
+  const scene = await parseLodMeta(bytesOf({lodLevels: 1, filenames: names, tree: {
+    children: names.map((_, file) => ({bound, lods: {0: {file, count: 1}}}))}}));
+  const fetchWith = async (fails, stop) => {
+    const stream = new LodStream(scene, 'lod-meta.json', 1);
+    let now = 0, most = 0, begun = 0;
+    stream.loader.load = async ({address}, signal) => {
+      most = Math.max(most, ++now);
+      if (++begun === 10 && stop) stop.abort();
+      await new Promise((done) => setTimeout(done));
+      --now;
+      signal.throwIfAborted();
+      if (fails(Number(address.split('/').at(-2)))) throw new Error(address);
+      return {chunk: {textures: []}, mode: 0};
+    };
+    const {signal} = stop || new AbortController();
+    const found = await stream.loadCoarsest(signal).then(
+      ({chunks, errors}) => [chunks.map(({file}) => names.indexOf(file.name)), errors.length], (error) => error.name);
+    return {most, found};
+  };
+  const {most, found} = await fetchWith((file) => file % 3 === 0);
+  expect('files of the coarsest levels at a time', most === 4, most);
+  expect('those that came, in their order', found[1] === 17 && String(found[0]) ===
+    String(names.map((_, i) => i).filter((i) => i % 3 !== 0)), JSON.stringify(found));
+  const stopped = await fetchWith(() => false, new AbortController());
+  expect('fetching that is stopped', stopped.found === 'AbortError', JSON.stringify(stopped));
 }
 
 // A larger budget gets no less room, and what the device has none for gets the most that there is.

@@ -17,6 +17,20 @@ const MOST_CAMERAS = 1 << 25;  // [bytes] of cameras.json
 const AT_ONCE = 4;             // chunks on their way
 const PLAN_MILLISECONDS = 100; // between two choices of levels
 
+// Promise.allSettled of what `begin` gives for each of the list, of which so many are under way at a time.
+async function settledAtMost(most, list, begin) {
+  const results = [];
+  let next = 0;
+  const goOn = async () => {
+    while (next < list.length) {
+      const at = next++;
+      [results[at]] = await Promise.allSettled([begin(list[at])]);
+    }
+  };
+  await Promise.all(Array.from({length: most}, goOn));
+  return results;
+}
+
 // What scenes that are shown have in common: the chunks' addresses and the way to them.
 export class LodStream {
   constructor(scene, address, budget) {
@@ -70,7 +84,7 @@ export class LodStream {
   // The chunks of the coarsest levels; {chunks, errors}.
   async loadCoarsest(signal) {
     const files = [...new Set([...this.coarsest].map(({file}) => file))];
-    const results = await Promise.allSettled(files.map((file) => this.fetch(file, signal)));
+    const results = await settledAtMost(AT_ONCE, files, (file) => this.fetch(file, signal));
     signal.throwIfAborted();
     const chunks = [], errors = [];
     for (const {value, reason} of results) {  // in the files' order, whichever came first
