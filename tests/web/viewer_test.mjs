@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The viewer of web/src without a browser: what it does to a canvas and a model, on a clock that this file moves.
 import {Orbit} from '../../web/src/camera.js';
+import {fetchBytes} from '../../web/src/fetch.js';
 import {listenToHands} from '../../web/src/hands.js';
 import {Viewer} from '../../web/src/viewer.js';
 
@@ -279,6 +280,90 @@ for (const radius of [2e-3, 1, 2e6, 1e12]) {
     await settle();
   }
   expect('what was set before', viewer.canvas.seen === 'alpha' && viewer.drawn.length > drawn, viewer.canvas.seen);
+}
+
+// A picture of which nothing comes is told, and the next one is not held up; where something may come it is waited for.
+{
+  const outcomes = (viewer, wanted) => {
+    const found = wanted.map(() => 'waits');
+    for (const [k, show] of wanted.entries()) {
+      viewer.picture({show}).then((seen) => { found[k] = seen; }, (error) => { found[k] = error.message; });
+    }
+    return found;
+  };
+  const viewer = await makeViewer();
+  viewer.splats.sorted = false;
+  const found = outcomes(viewer, ['alpha', 'depth']);
+  await settle(50000);
+  expect('a picture that takes long', String(found) === 'waits,waits', found);
+  await settle(15000);
+  viewer.splats.sorted = true;
+  expect('a picture that never stands', found[0].startsWith('No picture'), found);
+  await settle();
+  viewer.changed();
+  await settle();
+  expect('the one after it', found[1] === 'depth', found);
+
+  const moved = await makeViewer();
+  moved.splats.sorted = false;
+  const later = outcomes(moved, ['base']);
+  for (let part = 0; part < 8; ++part) {
+    moved.changed();
+    await settle(20000);
+  }
+  expect('a picture of which something comes', later[0] === 'waits', later);
+  moved.splats.sorted = true;
+  moved.changed();
+  await settle();
+  expect('until it stands', later[0] === 'base', later);
+
+  const {requestAnimationFrame: usual} = globalThis, held = [];
+  const unseen = await makeViewer();
+  globalThis.requestAnimationFrame = (call) => held.push(call);
+  const there = outcomes(unseen, ['normal']);
+  await settle(200000);
+  expect('a picture on a page that is not seen', there[0] === 'waits', there);
+  globalThis.requestAnimationFrame = usual;
+  for (const call of held) usual(call);
+  await settle();
+  expect('once it is seen', there[0] === 'normal', there);
+}
+
+// An answer that is silent for long is given up, one that is slow is not.
+{
+  let send = null, ended = null;
+  globalThis.fetch = async (_, {signal}) => new Response(new ReadableStream({
+    start(controller) {
+      send = () => controller.enqueue(new Uint8Array(10));
+      ended = () => controller.close();
+      signal.addEventListener('abort', () => controller.error(signal.reason));
+    },
+  }));
+  const outcome = (options) => {
+    const found = {};
+    fetchBytes('http://server/a', options).then(({length}) => { found.is = length; },
+                                                (error) => { found.is = error.message || error; });
+    return found;
+  };
+  const slow = outcome();
+  for (let part = 0; part < 5; ++part) {
+    await settle(40000);
+    send();
+  }
+  await settle(40000);
+  ended();
+  await settle();
+  expect('a slow answer', slow.is === 50, slow);
+  const silent = outcome();
+  await settle(59000);
+  expect('one that is silent for a while', silent.is === undefined, silent);
+  await settle(2000);
+  expect('one that is silent', silent.is === 'http://server/a: no bytes for 60 s', silent);
+  const stop = new AbortController(), stopped = outcome({signal: stop.signal});
+  await settle();
+  stop.abort('enough');
+  await settle();
+  expect('one that is stopped', stopped.is === 'enough' && timers.length === 0, [stopped, timers.length]);
 }
 
 console.log(failures.join('\n') || 'the viewer does what it is to do');

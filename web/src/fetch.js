@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The bytes at an address, and sentences that name it.
 
+const SILENT_SECONDS = 60;    // after which an answer, or the rest of it, is given up
 const LONGEST_ADDRESS = 200;  // characters of one in what goes wrong: data: addresses hold whole files
 
 export function failure(url, words, cause) {
@@ -12,17 +13,35 @@ export function failure(url, words, cause) {
 // onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it. most: [bytes] there may be. cache:
 // as fetch() has it. What goes wrong has the address before it, but for an AbortError of `signal`.
 export async function fetchBytes(url, {onProgress, signal, most = Infinity, cache = 'default'} = {}) {
+  const end = new AbortController(), stop = () => end.abort(signal.reason);
+  if (signal) signal.addEventListener('abort', stop);
+  if (signal && signal.aborted) stop();
+  let timer = 0, silent = false;
+  const hear = () => {
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      silent = true;
+      end.abort();
+    }, 1000 * SILENT_SECONDS);
+  };
+  hear();
   try {
-    return await receivedBytes(url, {onProgress, signal, most, cache});
+    return await receivedBytes(url, {onProgress, signal: end.signal, most, cache, hear});
   } catch (error) {
-    if (signal && signal.aborted || !(error instanceof TypeError)) throw error;
+    if (signal && signal.aborted) throw error;
+    if (silent) throw failure(url, `no bytes for ${SILENT_SECONDS} s`, error);
+    if (!(error instanceof TypeError)) throw error;
     // Browsers say "Failed to fetch" of all of these.
     const words = `no answer, an answer that broke off, or one that this page may not read (${error.message})`;
     throw failure(url, words, error);
+  } finally {
+    clearTimeout(timer);
+    if (signal) signal.removeEventListener('abort', stop);
   }
 }
 
-async function receivedBytes(url, {onProgress, signal, most, cache}) {
+// hear(): something has come.
+async function receivedBytes(url, {onProgress, signal, most, cache, hear}) {
   const answer = await fetch(url, {signal, cache});
   if (!answer.ok) throw failure(url, `${answer.status} ${answer.statusText}`.trim());
   if (!answer.body) return new Uint8Array(await answer.arrayBuffer());
@@ -32,6 +51,7 @@ async function receivedBytes(url, {onProgress, signal, most, cache}) {
   let loaded = 0;
   for (;;) {
     const {done, value} = await reader.read();
+    hear();
     if (done) break;
     chunks.push(value);
     loaded += value.length;

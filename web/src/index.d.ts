@@ -83,6 +83,7 @@ export interface Settings {
   background: number[];
 }
 
+/** Rejects where the server is silent for 60 s. */
 export function fetchBytes(url: string, options?: FetchOptions): Promise<Uint8Array>;
 /** Of a GLB or a SOG file. */
 export function readModel(bytes: ArrayBuffer | ArrayBufferView): Promise<Model>;
@@ -129,7 +130,8 @@ export class Viewer {
   frameAll(): void;
   play(on?: boolean): boolean;
   changed(byHand?: boolean): void;
-  /** Resolves when the picture stands; rejects with what keeps it from that. */
+  /** Resolves when the picture stands; rejects with what keeps it from that, or where nothing comes of it for 60 s in
+      which the page is seen. */
   settled(): Promise<void>;
   /** Gives the WebGL context back, of which a browser has few, until resume(). A canvas with what was seen. */
   release(): HTMLCanvasElement;

@@ -13,6 +13,8 @@ const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full a
 const PATIENCE_MILLISECONDS = 5;  // between two looks whether the device is done
 const SLOW_FRAME = 50, FAST_FRAME = 35;  // [ms] that a frame takes while moving; a screen of 30 Hz has fast ones
 const LOST_MILLISECONDS = 5000;  // until a device that the browser took away and has not given back is spoken of
+const LOOK_MILLISECONDS = 1000;  // between two looks whether something has come of a picture that somebody waits for
+const MOST_LOOKS = 60;  // in vain
 const MOST_UPLOADS = 3;  // of a model, where the device is lost meanwhile
 const MAX_FIXED_SIDE = 8192;
 const NOWHERE = {camera: -1, view: -1};
@@ -38,6 +40,8 @@ export class Viewer {
     this.lastFrame = 0;
     this.askedAt = 0;         // when a frame was asked for first since then; 0: it was not
     this.framePending = false;
+    this.pendingSince = 0;
+    this.watchTimer = 0;      // while somebody waits for a picture
     this.flight = null;       // a path that is played
     this.toFly = false;       // whether one is to begin once nobody waits for a picture
     this.waiting = [];        // {resolve, reject} of those that wait for the picture that was asked for
@@ -285,6 +289,7 @@ export class Viewer {
     this.askedAt = this.askedAt || performance.now();
     if (this.framePending) return;
     this.framePending = true;
+    this.pendingSince = performance.now();
     requestAnimationFrame((now) => {
       this.framePending = false;
       try {
@@ -516,8 +521,27 @@ export class Viewer {
     this.flight = null;
     return new Promise((resolve, reject) => {
       this.waiting.push({resolve, reject});
+      if (!this.watchTimer) this.watch();
       this.changed();
     });
+  }
+
+  // Tells who waits for a picture where nothing comes of it for long. Time in which the browser gives no frames, as out
+  // of sight, does not count, nor while the model comes or is put on the device.
+  watch(looks = 0, before = '') {
+    this.watchTimer = setTimeout(() => {
+      this.watchTimer = 0;
+      if (this.waiting.length === 0) return;
+      const lost = this.lost || this.renderer.gl.isContextLost();
+      const unseen = this.framePending && performance.now() - this.pendingSince > LOOK_MILLISECONDS;
+      const comes = !lost && (!this.model || this.uploads > 0 || unseen);
+      const news = `${this.lastFrame} ${this.splats && this.splats.clock}`;
+      if (!comes && news === before && looks + 1 >= MOST_LOOKS) {
+        this.fail(new Error(lost ? LOST : `No picture: nothing has come of it for ${MOST_LOOKS} s.`));
+      } else {
+        this.watch(comes || news !== before ? 0 : looks + 1, news);
+      }
+    }, LOOK_MILLISECONDS);
   }
 
   // The picture for these settings, as a data URL of a PNG; of a scene with levels once all is there that the view
@@ -602,6 +626,7 @@ export class Viewer {
     this.ratio.onchange = null;
     clearTimeout(this.restTimer);
     clearTimeout(this.lostTimer);
+    clearTimeout(this.watchTimer);
     if (this.splats) this.splats.dispose();
     this.renderer.dispose();
     this.splats = this.model = this.renderer = null;
