@@ -165,6 +165,34 @@ def show_element(browser, address, references):
         browser.page("Emulation.setDeviceMetricsOverride", width=SIDE + 10 * (ratio - 1), height=SIDE,
                      deviceScaleFactor=ratio, mobile=False)
         until(browser, f"{loaded}.canvas.width === {100 * ratio}")
+    browser.page("Emulation.setDeviceMetricsOverride", width=SIDE, height=SIDE, deviceScaleFactor=2, mobile=False)
+    found = browser.evaluate("""(async () => {
+        const {Viewer, loadModel} = await import('/web/src/index.js');
+        const canvas = document.createElement('canvas'), viewer = new Viewer(canvas), seen = [];
+        document.body.append(canvas);
+        const look = async () => {
+          viewer.changed();
+          for (let i = 0; i < 2; ++i) await viewer.settled();
+          seen.push([canvas.width, canvas.height, canvas.clientWidth, canvas.clientHeight]);
+        };
+        await viewer.open(await loadModel('scene.glb'));
+        await look();
+        viewer.setSize('64x64');
+        await look();
+        viewer.setSize('window');
+        await look();
+        const style = document.createElement('style');
+        style.textContent = 'canvas { width: 100px }';
+        document.head.prepend(style);
+        await look();
+        viewer.dispose();
+        canvas.remove();
+        style.remove();
+        return seen;
+    })()""")
+    expect("a canvas without a size keeps its own until a style sheet comes",
+           found == [[600, 300, 300, 150], [64, 64, 32, 32], [600, 300, 300, 150], [200, 100, 100, 50]], found)
+    browser.page("Emulation.setDeviceMetricsOverride", width=SIDE, height=SIDE, deviceScaleFactor=1, mobile=False)
     told = browser.evaluate(f"""(async (element) => {{
         const failed = new Promise((done) => element.addEventListener('error', ({{detail}}) => done(detail.error.message)));
         element.src = 'scene.none';

@@ -30,7 +30,8 @@ export class Viewer {
     this.model = null;        // what it is of
     this.settings = {show: 'final', textures: 'rgba', intersection: 'maxResponse', outside: 'base', background: [0, 0, 0]};
     this.fixedSize = null;    // [px] instead of the canvas' own
-    this.layout = {width: '', height: ''};  // of the canvas' style, without a fixed size
+    this.layout = null;       // {style, pixels} of the canvas before it was of a fixed size
+    this.ownSizes = null;     // the style sheet of what the page gives no size
     this.cameraIndex = -1;    // of the model's cameras, while the view is one of them; likewise for its views
     this.viewIndex = -1;
     this.left = NOWHERE;      // the two indices as they were before it was none of them
@@ -76,7 +77,7 @@ export class Viewer {
     this.ratio.onchange = () => {
       this.ratio.onchange = null;
       this.watchRatio();
-      this.layOut();
+      if (this.fixedSize) this.layOut();
       this.changed();
     };
   }
@@ -382,11 +383,24 @@ export class Viewer {
 
   // A canvas that a page gives no size is as large as its pixels are many: it stays as large as it was.
   setPixels(width, height) {
-    const {canvas, layout} = this, {clientWidth, clientHeight} = canvas;
+    const {canvas} = this, {clientWidth, clientHeight} = canvas;
     Object.assign(canvas, {width, height});
     if (this.fixedSize) return;
-    if (Math.abs(canvas.clientWidth - clientWidth) > 1) canvas.style.width = layout.width = `${clientWidth}px`;
-    if (Math.abs(canvas.clientHeight - clientHeight) > 1) canvas.style.height = layout.height = `${clientHeight}px`;
+    if (Math.abs(canvas.clientWidth - clientWidth) > 1) this.keepSide('width', clientWidth);
+    if (Math.abs(canvas.clientHeight - clientHeight) > 1) this.keepSide('height', clientHeight);
+  }
+
+  // By a rule that any other one of the page overrules, also one that comes later.
+  keepSide(side, pixels) {
+    const {canvas} = this, root = canvas.getRootNode();
+    canvas.style.setProperty(`--tg-${side}`, `${pixels}px`);
+    if (!this.ownSizes) {
+      this.ownSizes = new canvas.ownerDocument.defaultView.CSSStyleSheet();
+      this.ownSizes.replaceSync(['width', 'height'].map((name) =>
+        `:where(canvas[style*="--tg-${name}"]) { ${name}: var(--tg-${name}); }`).join(' '));
+    }
+    if (root.adoptedStyleSheets.includes(this.ownSizes)) return;
+    root.adoptedStyleSheets = [...root.adoptedStyleSheets, this.ownSizes];
   }
 
   // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
@@ -466,14 +480,19 @@ export class Viewer {
     if (size && !(size.length === 2 && size.every((n) => Number.isInteger(n) && n > 0 && n <= MAX_FIXED_SIDE))) {
       throw new Error(`size=${text} (expected WxH, 1 to ${MAX_FIXED_SIDE} pixels each, or window)`);
     }
+    const {canvas, fixedSize: before} = this;
+    const sidesOf = ({width, height}) => ({width, height});
+    if (size && !before) this.layout = {style: sidesOf(canvas.style), pixels: sidesOf(canvas)};
+    if (before && !size) Object.assign(canvas, this.layout.pixels);  // whose aspect may be that of the layout
     this.fixedSize = size;
-    this.layOut();
+    if (before || size) this.layOut();
     this.resize();
   }
 
+  // The style of a fixed size in this screen's pixels, or that of before.
   layOut() {
     const {canvas, fixedSize: size, layout} = this, ratio = window.devicePixelRatio || 1;
-    Object.assign(canvas.style, size ? {width: `${size[0] / ratio}px`, height: `${size[1] / ratio}px`} : layout);
+    Object.assign(canvas.style, size ? {width: `${size[0] / ratio}px`, height: `${size[1] / ratio}px`} : layout.style);
   }
 
   setCamera(wanted) {
