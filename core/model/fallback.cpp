@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <vector>
 
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
@@ -122,6 +123,14 @@ GaussianModel bakeFallback(const GaussianModel& model, FallbackScale scale) {
     base.log_scale[i] += alpha.log_scale;
   });
   return base;
+}
+
+std::vector<glm::vec3> meanTextureColors(const GaussianModel& model) {
+  std::vector<glm::vec3> colors(model.size(), glm::vec3(0.0f));
+  forEachMean(model, [&](std::int64_t i, const TextureMean& mean) {
+    colors[i] = glm::vec3(mean.color / static_cast<double>(kShC0));
+  });
+  return colors;
 }
 
 void removeFallback(GaussianModel& model, FallbackScale scale) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "core/model/fallback.h"
 #include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/model/views.h"
@@ -608,17 +609,21 @@ void Trainer::quantizeNext() {
         if (!isDropped(stored, model, i)) model.log_scale[i] = stored.log_scale[i];
       }
       break;
-    case Quantized::texelsAndOpacity:
+    case Quantized::texelsAndOpacity: {
       model.opacity_logit = std::move(stored.opacity_logit);
       // A .sog's steps of these follow from which textures are left, and which are the same (converter/sog).
       model.rotation = std::move(stored.rotation);
       model.log_scale = std::move(stored.log_scale);
-      for (std::size_t i = 0; i < model.size(); ++i) {
-        if (!isDropped(stored, model, i)) continue;
-        model.sh[i * model.shCount()] = stored.sh[i * model.shCount()];
-      }
+      // What rounding takes from a texture's mean a file leaves in DC, which it rounds as well: it goes there here.
+      const std::vector<glm::vec3> before = meanTextureColors(model);
       copyTexels(stored.atlas, model.atlas);
+      const std::vector<glm::vec3> after = meanTextureColors(model);
+      for (std::size_t i = 0; i < model.size(); ++i) {
+        glm::vec3& dc = model.sh[i * model.shCount()];
+        dc = isDropped(stored, model, i) ? stored.sh[i * model.shCount()] : dc + (before[i] - after[i]);
+      }
       break;
+    }
     case Quantized::shRest:
       for (std::size_t i = 0; i < model.sh.size(); ++i) {
         if (i % model.shCount() > 0) model.sh[i] = stored.sh[i];

@@ -2,6 +2,7 @@
 #include "core/model/fallback.h"
 
 #include <functional>
+#include <vector>
 
 #include "core/model/verbs.h"
 #include "support/catch.h"
@@ -57,6 +58,24 @@ TEST_CASE("a base of texels as bright as floats reach is finite") {
   const GaussianModel base =
       bakeFallback(withTextures([](int) { return glm::vec4(1e38f, -1e38f, 0.5f, 1.0f); }), FallbackScale::fitted);
   CHECK_NOTHROW(checkModel(base, "base"));
+}
+
+TEST_CASE("the mean colours of textures are what the base adds to DC and 0 of what has no colour") {
+  test::Random random(13);
+  GaussianModel model =
+      withTextures([&](int) { return glm::vec4(random.uniformVec3(-0.5, 0.5), random.uniform(0.0, 1.0)); });
+  model.atlas.rects[3] = {};
+  const GaussianModel base = bakeFallback(model, FallbackScale::fitted);
+  const std::vector<glm::vec3> colors = meanTextureColors(model);
+  REQUIRE(colors.size() == model.size());
+  for (std::size_t i = 0; i < model.size(); ++i) {
+    const std::size_t dc = i * model.shCount();
+    CHECK(base.sh[dc] == model.sh[dc] + colors[i]);
+    CHECK((colors[i] == glm::vec3(0.0f)) == (i == 3));
+  }
+  model.texture_mode = TextureMode::alpha;
+  CHECK(meanTextureColors(model) == std::vector<glm::vec3>(model.size(), glm::vec3(0.0f)));
+  CHECK(meanTextureColors(withoutTextures(model)) == std::vector<glm::vec3>(model.size(), glm::vec3(0.0f)));
 }
 
 TEST_CASE("what stands in for textures comes off again") {

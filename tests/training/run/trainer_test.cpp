@@ -10,9 +10,12 @@
 #include <new>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 #include <thread>
 
+#include "core/image/metrics.h"
 #include "core/merge/decimate.h"
+#include "core/model/fallback.h"
 #include "core/model/texture_dictionary.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -427,6 +430,48 @@ TEST_CASE("a texture that a file leaves out is left out in training, with what s
   for (std::size_t t = 0; t < rect.texelCount(); ++t) {
     CHECK(model.atlas.texels[rect.offset + t] == glm::vec4(0, 0, 0, 1));
   }
+}
+
+TEST_CASE("what a file takes from the mean of texels and leaves in DC is taken so in training", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = shortRun();
+  settings.densification = tg::Densification::none;
+  settings.iterations = 0;
+  settings.texture_iterations = 1;
+  settings.quantize_iterations = 5;
+  settings.texture_mode = GENERATE(tg::TextureMode::rgba, tg::TextureMode::alpha);
+  settings.texture_init = tg::TextureInit::paper;
+  // What is drawn changes by what is taken from the file alone.
+  for (float tg::TrainSettings::* const rate :
+       {&tg::TrainSettings::rate_position, &tg::TrainSettings::rate_position_end, &tg::TrainSettings::rate_rotation,
+        &tg::TrainSettings::rate_scale, &tg::TrainSettings::rate_opacity, &tg::TrainSettings::rate_sh_dc,
+        &tg::TrainSettings::rate_sh_rest, &tg::TrainSettings::rate_texels}) {
+    settings.*rate = 0;
+  }
+  tg::Trainer trainer(dataset, settings, *renderer);
+  std::optional<tg::GaussianModel> file;
+  trainer.onQuantizing([&](const tg::GaussianModel& model, float&) {
+    tg::GaussianModel stored = tg::bakeFallback(model, tg::FallbackScale::kept);
+    stored.texture_mode = model.texture_mode;
+    stored.atlas = model.atlas;
+    for (glm::vec4& texel : stored.atlas.texels) texel = {0, 0, 0, texel.a};
+    tg::removeFallback(stored, tg::FallbackScale::kept);
+    if (!file) file = stored;
+    return stored;
+  });
+  while (trainer.stage() != tg::Stage::quantized) REQUIRE(trainer.step());
+  const tg::GaussianModel before = trainer.model();
+  while (trainer.step()) continue;
+  const tg::GaussianModel after = trainer.model();
+  const bool has_color = settings.texture_mode == tg::TextureMode::rgba;
+  CHECK((after.atlas.texels != before.atlas.texels) == has_color);
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    const glm::vec3 change = after.sh[i * after.shCount()] - before.sh[i * before.shCount()];
+    CHECK(change.r == Approx(has_color ? 25.0 / 255 / double{tg::kShC0} : 0).margin(1e-6));
+  }
+  const tg::Camera& camera = dataset.views[0];
+  CHECK(tg::psnr(tg::test::renderPicture(*renderer, *file, camera, dataset.background), trainer.picture(camera)) > 60);
 }
 
 TEST_CASE("a dictionary of more textures than half of the Gaussians is kept in training for a file", "[trainer]") {
