@@ -220,7 +220,7 @@ bool Trainer::picks() const {
 }
 
 int Trainer::automaticTextureSize(std::size_t gaussians) const {
-  const int size = settings_.percent > 0 ? std::min(textureSizeForPercent(settings_.percent), kMostTextureSize) : 4;
+  const int size = settings_.percent > 0 ? textureSizeForPercent(settings_.percent) : 4;
   if (settings_.pixels_per_texel == 0 || gaussians == 0) return size;
   return std::min(size, textureSizeForPixels(trainingPixels(dataset_), gaussians, settings_.pixels_per_texel));
 }

@@ -259,7 +259,11 @@ void checkSettings(const TrainSettings& settings) {
   }
 }
 
-int textureSizeForPercent(double percent) { return static_cast<int>(std::lround(4 * std::sqrt(100 / percent))); }
+int textureSizeForPercent(double percent) {
+  TG_ASSERT(percent > 0, "a share of the Gaussians");
+  const double size = std::round(4 * std::sqrt(100 / percent));
+  return static_cast<int>(std::clamp(size, 1.0, static_cast<double>(kMostTextureSize)));
+}
 
 int textureSizeForPixels(std::uint64_t pixels, std::size_t gaussians, double pixels_per_texel) {
   TG_ASSERT(gaussians > 0 && pixels_per_texel > 0, "textures of some Gaussians, with some pixels each");

@@ -152,10 +152,10 @@ std::string formatSettings(const TrainSettings& settings);
 // Throws Error(usage) for entries that contradict each other.
 void checkSettings(const TrainSettings& settings);
 
-// D12 of the design: side of the square textures with which `percent` % of the Gaussians have as many texels as all of
-// them at 4 x 4: round(4 sqrt(100 / percent)).
-int textureSizeForPercent(double percent);
 constexpr int kMostTextureSize = 256;  // [texels] along a side, where the size is the same for all
+// D12 of the design: side of the square textures with which `percent` % of the Gaussians, more than 0, have as many
+// texels as all of them at 4 x 4: round(4 sqrt(100 / percent)), at most kMostTextureSize. [texels]
+int textureSizeForPercent(double percent);
 // Side of the largest square textures of `gaussians` Gaussians with `pixels_per_texel` of all `pixels` for each texel,
 // at least 1.
 int textureSizeForPixels(std::uint64_t pixels, std::size_t gaussians, double pixels_per_texel);

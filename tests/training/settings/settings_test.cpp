@@ -134,3 +134,10 @@ TEST_CASE("the paper's texel budget", "[settings]") {
   const int expected[][2] = {{1, 40}, {2, 28}, {5, 18}, {10, 13}, {20, 9}, {50, 6}, {100, 4}};
   for (const auto& [percent, size] : expected) CHECK(tg::textureSizeForPercent(percent) == size);
 }
+TEST_CASE("tiny and huge shares lead to textures of a size that there is", "[settings]") {
+  for (const double percent : {1e-300, 1e-17, 1e-6, 0.024}) {
+    CHECK(tg::textureSizeForPercent(percent) == tg::kMostTextureSize);
+  }
+  CHECK(tg::textureSizeForPercent(1e9) == 1);
+}
+
