@@ -20,7 +20,6 @@ namespace {
 
 constexpr int kNeighbors = 3;
 constexpr float kMinSquaredDistance = 1e-7f;  // 3DGS
-constexpr float kFirstOpacity = 0.1f;         // 3DGS
 
 // Balanced and implicit: a range of the order array is a node, its middle element splits it.
 class NeighborTree {

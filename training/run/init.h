@@ -15,8 +15,9 @@ namespace tg {
 // tree: O(N log N).
 std::vector<float> meanSquaredNeighborDistance(std::span<const glm::vec3> points);
 
+constexpr float kFirstOpacity = 0.1f;  // 3DGS
 // Degree-0 Gaussians at the points: isotropic, sigma = root of the mean squared neighbour distance (at least
-// sqrt(1e-7)), opacity 0.1.
+// sqrt(1e-7)), opacity kFirstOpacity.
 GaussianModel gaussiansFromPoints(const PointCloud& points);
 
 // A random subset of at most `count` points, in their old order.

@@ -14,6 +14,7 @@
 #include "core/model/views.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "training/run/init.h"
 #include "training/score/evaluate.h"
 #include "training/step/filter_3d.h"
@@ -577,8 +578,12 @@ void Trainer::densifyAndSchedule(int iteration) {
     takeLosses(true);
     densify(iteration);
     if (engine_->gaussians(state_) == 0) {
-      throw Error(ErrorKind::badData, "no Gaussian is left after densification at iteration " +
-                                          std::to_string(iteration) + ": do the cameras see the initial points?");
+      const bool pruned = settings_.prune_opacity > kFirstOpacity;
+      throw Error(ErrorKind::badData,
+                  "no Gaussian is left after densification at iteration " + std::to_string(iteration) +
+                      (pruned ? ": --prune-opacity " + numberText(settings_.prune_opacity) + " is above the opacity " +
+                                    numberText(kFirstOpacity) + " of initial points"
+                              : ": do the cameras see the initial points?"));
     }
     updateFilter();
   }

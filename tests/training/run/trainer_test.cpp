@@ -564,6 +564,16 @@ TEST_CASE("what a coarse file takes, training for it gives back in part", "[trai
   CHECK_THROWS_WITH(tg::checkSettings(settings), Contains("no twin without textures"));
 }
 
+TEST_CASE("a threshold above the first opacity is named where it leaves no Gaussian", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  tg::TrainSettings settings = densifyingRun();
+  settings.prune_opacity = 1;
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
+                    Contains("no Gaussian is left after densification at iteration") &&
+                        Contains(": --prune-opacity 1 is above the opacity 0.1 of initial points"));
+}
+
 TEST_CASE("a model of lower SH degree than the settings' is trained for a file, too", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
