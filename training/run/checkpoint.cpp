@@ -25,6 +25,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/member_count.h"
+#include "training/run/report.h"
 #include "training/run/trainer.h"
 
 namespace tg {
@@ -419,6 +420,19 @@ std::string withDefaults(std::string settings) {
   return settings;
 }
 
+constexpr const char* kTransparency = "transparency";
+
+// The data of a run whose program did not look at this, with what it is now.
+std::string withTransparency(std::string data, const std::string& now) {
+  const auto has = [](const NamedLines::value_type& line) { return line.first == kTransparency; };
+  const NamedLines lines = parseLines(now);
+  const auto found = std::ranges::find_if(lines, has);
+  if (found != lines.end() && std::ranges::none_of(parseLines(data), has)) {
+    data += found->first + " " + found->second + "\n";
+  }
+  return data;
+}
+
 // "NAME (expected OLD, found NEW)" of the first line that is not the same in both; "" when all are.
 std::string firstDifference(const std::string& old_text, const std::string& new_text, const std::string& prefix) {
   const NamedLines old_lines = parseLines(old_text), new_lines = parseLines(new_text);
@@ -508,6 +522,7 @@ RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, c
   fact("start-model", start ? modelFingerprint(*start) : "none");
   fact("context", context ? modelFingerprint(*context) : "none");
   fact("fingerprint", fingerprint);
+  if (dataset.random_background) fact(kTransparency, transparencyFingerprint(dataset));
   return identity;
 }
 
@@ -555,7 +570,8 @@ void checkResumable(const Checkpoint& checkpoint, const RunIdentity& identity, c
   const std::string setting =
       firstDifference(withDefaults(checkpoint.header.identity.settings), identity.settings, "--");
   if (!setting.empty()) throw Error(ErrorKind::usage, path, "is of a run with other settings: " + setting);
-  const std::string data = firstDifference(checkpoint.header.identity.data, identity.data, "");
+  const std::string data =
+      firstDifference(withTransparency(checkpoint.header.identity.data, identity.data), identity.data, "");
   if (!data.empty()) throw Error(ErrorKind::usage, path, "is of a run with other data: " + data);
 
   const RunState& state = checkpoint.state;

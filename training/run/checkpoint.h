@@ -23,9 +23,9 @@ struct RunIdentity {
 };
 // Flags that are no settings, and their values.
 using FlagTexts = std::vector<std::pair<std::string, std::string>>;
-// `fingerprint`: datasetFingerprint(), which reads every pixel. `start`: the model that stage 1 went on from, if any.
-// `quantized_for`: what says how the file is written that stage quantized is for; it counts where there is that stage.
-// `context`: what is drawn beside the model, if anything.
+// `fingerprint`: datasetFingerprint(), which reads every pixel, as this does where the background is random. `start`:
+// the model that stage 1 went on from, if any. `quantized_for`: what says how the file is written that stage quantized
+// is for; it counts where there is that stage. `context`: what is drawn beside the model, if anything.
 RunIdentity runIdentity(const Dataset& dataset, const TrainSettings& settings, const std::string& fingerprint,
                         const GaussianModel* start = nullptr, const FlagTexts& quantized_for = {},
                         const GaussianModel* context = nullptr);

@@ -157,6 +157,17 @@ std::string datasetFingerprint(const Dataset& dataset) {
   return hash.text();
 }
 
+std::string transparencyFingerprint(const Dataset& dataset) {
+  Fingerprint hash;
+  for (std::size_t i = 0; i < dataset.views.size(); ++i) {
+    const std::shared_ptr<const Photograph> photograph = dataset.photographs->get(i);
+    const std::uint64_t size = photograph->alpha.size();
+    hash.add(&size, sizeof size);
+    hash.add(photograph->alpha.data(), photograph->alpha.size());
+  }
+  return hash.text();
+}
+
 std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,
                                const GaussianModel& model, const TrainingJsonOptions& options) {
   const Camera& camera = dataset.views.front();

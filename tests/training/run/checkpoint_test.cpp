@@ -378,6 +378,42 @@ TEST_CASE("a checkpoint of other settings or data is refused by the first differ
   CHECK_THROWS_WITH(check(dataset, settings), Contains("order.views: expected every training view once"));
 }
 
+TEST_CASE("a checkpoint is of the transparency that training on random backgrounds sees", "[checkpoint]") {
+  tg::Dataset dataset = tg::test::sampleDataset(kScene, true);
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  const tg::TrainSettings settings = shortRun();
+  const auto identityOf = [&](const tg::Dataset& data) {
+    return tg::runIdentity(data, settings, tg::datasetFingerprint(data));
+  };
+  tg::Checkpoint checkpoint{{identityOf(dataset), 0, 0}, {}};
+  {
+    tg::Trainer trainer(dataset, settings, *renderer);
+    trainer.step();
+    checkpoint.state = trainer.state();
+  }
+  const auto check = [&](const tg::Dataset& data) {
+    tg::checkResumable(checkpoint, identityOf(data), data, settings, "c");
+  };
+  CHECK_NOTHROW(check(dataset));
+  // The same over white.
+  std::vector<tg::Photograph> opaque;
+  for (std::size_t i = 0; i < dataset.views.size(); ++i) opaque.push_back({*dataset.pixels(i), {}});
+  tg::Dataset other = dataset;
+  other.photographs = tg::storeInMemory(std::move(opaque));
+  REQUIRE(tg::datasetFingerprint(other) == tg::datasetFingerprint(dataset));
+  CHECK_THROWS_WITH(check(other), Contains("c: is of a run with other data: transparency (expected "));
+  // Of a program that did not look at it.
+  std::string& data = checkpoint.header.identity.data;
+  const std::size_t line = data.find("transparency ");
+  REQUIRE(line != std::string::npos);
+  data.erase(line, data.find('\n', line) + 1 - line);
+  CHECK_NOTHROW(check(dataset));
+  CHECK_NOTHROW(check(other));
+  // On one background it is no part of what is trained on.
+  dataset.random_background = other.random_background = false;
+  CHECK(identityOf(other) == identityOf(dataset));
+}
+
 TEST_CASE("a checkpoint from before a setting is that of its default", "[checkpoint]") {
   const tg::Dataset dataset = tg::test::sampleDataset(kScene);
   const auto renderer = tg::makeCpuDifferentiableRenderer();
