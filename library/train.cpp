@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -67,8 +68,10 @@ std::vector<std::string> warningsOf(const TrainOptions& options, const std::opti
   const Settings named = namedSettings(options);
   const auto chosen = [&](const tg::SettingEntry& entry) { return named.contains(entry.name); };
   std::vector<std::string> warnings = tg::idleSettings(settings, chosen, start.has_value(), false);
-  if (start && tg::isTextured(Access::bundle(*start)->model)) {
-    std::ranges::copy(tg::idlePastStage1(settings, chosen), std::back_inserter(warnings));
+  if (!start) return warnings;
+  const std::shared_ptr<const tg::Bundle> bundle = Access::bundle(*start);
+  if (tg::isTextured(bundle->model)) {
+    std::ranges::copy(tg::idlePastStage1(settings, chosen, bundle->model, false), std::back_inserter(warnings));
   }
   return warnings;
 }

@@ -243,7 +243,7 @@ void Training::open() {
 void Training::settle() {
   settings_ = settingsOf(options_);
   const GaussianModel* start = start_model_ ? &*start_model_ : nullptr;
-  if (start && isTextured(*start)) warnIdlePastStage1(options_, settings_);
+  if (start && isTextured(*start)) warnIdlePastStage1(options_, settings_, *start);
   const std::string said = planRecipe(options_, trainingPixels(dataset_), start, !together_, settings_);
   if (!said.empty() && options_.talks()) std::printf("%s\n", said.c_str());
   json_.downscale = options_.data.downscale;

@@ -214,8 +214,8 @@ void warnIdleSettings(const TrainFlags& options) {
       idleSettings(settingsOf(options), chosenByFlag(options), !options.start_model.empty(), options.target_bytes > 0));
 }
 
-void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings) {
-  warn(idlePastStage1(settings, chosenByFlag(options)));
+void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings, const GaussianModel& start) {
+  warn(idlePastStage1(settings, chosenByFlag(options), start, options.target_bytes > 0));
 }
 
 }  // namespace tg

@@ -55,6 +55,6 @@ void refuseIdleFlags(const CLI::App& app, const TrainFlags& options);
 // Of the recipe, which files and presets name as a whole: what a flag says and no stage uses is a line on stderr.
 void warnIdleSettings(const TrainFlags& options);
 // The same of a start model that has textures.
-void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings);
+void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings, const GaussianModel& start);
 
 }  // namespace tg

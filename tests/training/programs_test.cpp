@@ -569,6 +569,10 @@ TEST_CASE("a setting that nothing uses is warned of where a flag names it", "[pr
   CHECK(said("--texture-iterations 2 --start-model start.tgz --start random --init-count 7") ==
         "tgtrain: --start, --init-count: does nothing with --start-model\n"
         "tgtrain: --iterations: does nothing with a start model that has textures\n");
+  CHECK(said("--texture-iterations 2 --start-model start.tgz --texture-mode rgb --gaussians 9") ==
+        "tgtrain: --iterations, --gaussians, --texture-mode: does nothing with a start model that has textures\n");
+  CHECK(said("--texture-iterations 0 --prune-opacity 0.1") ==
+        "tgtrain: --prune-opacity: does nothing with a schedule without a round of densification\n");
   CHECK(said("--start-model start.tgz --points scene/points3d.ply") ==
         "tgtrain: --points expects no --start-model, which is a start of its own\n");
 }

@@ -3,7 +3,12 @@
 #include "training/settings/idle.h"
 
 #include <algorithm>
+#include <initializer_list>
 #include <string_view>
+
+#include "core/model/verbs.h"
+#include "core/system/assert.h"
+#include "training/settings/schedule.h"
 
 namespace tg {
 namespace {
@@ -26,29 +31,59 @@ bool isOfOneDensification(const SettingEntry& entry) {
   return std::ranges::any_of(valuesOf<Densification>(), [&](Densification each) { return isOf(entry, each); });
 }
 
+bool isOneOf(const SettingEntry& entry, std::initializer_list<std::string_view> names) {
+  return std::ranges::find(names, entry.name) != names.end();
+}
+
+// What the schedule of a stage 1 that densifies leaves no use for.
+void addIdleBySchedule(std::vector<std::string>& lines, const ChosenSetting& chosen, const TrainSettings& settings) {
+  const Schedule schedule = makeSchedule(settings);
+  const int last = schedule.lastRound(settings.iterations), from = schedule.densify_from;
+  // One of them on a white background alone (Trainer::resetsOpacity).
+  const bool on_white = from > 0 && from < schedule.densify_until && from <= settings.iterations;
+  const bool resets = schedule.reset_every > 0 && (schedule.reset_every < schedule.reset_until || on_white);
+  const bool prunes = settings.prune_radius > 0 && last > 0 && schedule.prunesLarge(last);
+  if (last == 0) {
+    addIdle(lines, chosen, "a schedule without a round of densification", [&](const SettingEntry& entry) {
+      if (isOfOneDensification(entry) && !isOf(entry, settings.densification)) return false;
+      return isOneOf(entry, {"densify-score", "densify-threshold", "prune-opacity", "mcmc-growth"}) ||
+             (settings.prune_radius > 0 && entry.name == "prune-radius") ||
+             (settings.wide_sigma > 0 && entry.name == "wide-sigma") ||
+             (!resets && isOneOf(entry, {"densify-every", "densify-from"}));
+    });
+  } else if (settings.prune_radius > 0 && !prunes && traitsOf(settings.densification).resets_opacity) {
+    addIdle(lines, chosen, "a schedule without a round after the first opacity reset",
+            [](const SettingEntry& entry) { return entry.name == "prune-radius"; });
+  }
+  if (schedule.reset_every > 0 && !resets && !prunes) {
+    addIdle(lines, chosen, "a schedule without an opacity reset",
+            [](const SettingEntry& entry) { return entry.name == "reset-every"; });
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> idleSettings(const TrainSettings& settings, const ChosenSetting& chosen, bool start_model,
                                       bool by_size) {
-  const bool textured = settings.texture_mode != TextureMode::none && settings.texture_iterations > 0;
+  const bool has_mode = settings.texture_mode != TextureMode::none;
+  const bool textured = has_mode && settings.texture_iterations > 0;
   std::vector<std::string> lines;
   const auto warn = [&](const std::string& why, const auto& idle) { addIdle(lines, chosen, why, idle); };
-  const auto is_of_stage_2 = [](const SettingEntry& entry) {
+  const auto is_of_stage_2 = [&](const SettingEntry& entry) {
     const std::string_view name = entry.name;
-    const bool is_of_stage = name == "texture-mode" || name == "texture-iterations";
-    return !is_of_stage && (name.starts_with("texture-") || name.find("texel") != name.npos);
+    // A plan for a size gives stage 1 the iterations that stage 2 does not have.
+    if (name == "texture-iterations") return !has_mode && settings.texture_iterations > 0 && !by_size;
+    return name != "texture-mode" &&
+           (name.starts_with("texture-") || name.find("texel") != name.npos || name == "rate-position-texture");
   };
-  const bool planned = by_size || start_model;  // what they have of textures
-  if (!textured && !planned) {
-    const bool none = settings.texture_mode == TextureMode::none;
-    warn(none ? "--texture-mode none" : "--texture-iterations 0", is_of_stage_2);
-  }
+  const bool planned = has_mode && (by_size || start_model);  // what they have of textures
+  if (!textured && !planned) warn(has_mode ? "--texture-iterations 0" : "--texture-mode none", is_of_stage_2);
   if (start_model) {
     warn("--start-model",
          [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
     if (settings.texture_iterations == 0 && !by_size) {
       warn("--texture-iterations 0", [](const SettingEntry& entry) {
-        return entry.name == "adaptive-texels" || entry.name == "texture-dictionary";
+        return isOneOf(entry, {"adaptive-texels", "texture-dictionary", "rate-position-texture", "texel-decay"});
       });
     }
   }
@@ -67,8 +102,11 @@ std::vector<std::string> idleSettings(const TrainSettings& settings, const Chose
          [](const SettingEntry& entry) { return entry.name == "limit-by"; });
   }
   if (settings.densification == Densification::none) {
-    warn("--densification none",
-         [](const SettingEntry& entry) { return entry.name.starts_with("densify-") && !isOfOneDensification(entry); });
+    warn("--densification none", [](const SettingEntry& entry) {
+      return entry.name == "prune-opacity" || (entry.name.starts_with("densify-") && !isOfOneDensification(entry));
+    });
+  } else if (!by_size) {  // which may plan for more iterations
+    addIdleBySchedule(lines, chosen, settings);
   }
   for (const Densification other : valuesOf<Densification>()) {
     if (other == settings.densification) continue;
@@ -78,10 +116,22 @@ std::vector<std::string> idleSettings(const TrainSettings& settings, const Chose
   return lines;
 }
 
-std::vector<std::string> idlePastStage1(const TrainSettings& settings, const ChosenSetting& chosen) {
+std::vector<std::string> idlePastStage1(const TrainSettings& settings, const ChosenSetting& chosen,
+                                        const GaussianModel& start, bool by_size) {
+  TG_ASSERT(isTextured(start), "a start model that has textures");
+  // Shared textures count in the plan of a size by their side.
+  const bool plans_side = by_size && settings.texture_dictionary > 0;
   std::vector<std::string> lines;
   addIdle(lines, chosen, "a start model that has textures", [&](const SettingEntry& entry) {
-    return (entry.name == "iterations" && settings.iterations > 0) || entry.name.starts_with("densif");
+    if (entry.name == "iterations") return settings.iterations > 0;
+    if (entry.name == "intersection") return settings.intersection != start.intersection;
+    if (entry.name == "texture-mode") return settings.texture_mode != start.texture_mode;
+    if (entry.name == "texture-outside") return settings.texture_outside != start.outside;
+    if (entry.name == "texture-size") return !plans_side;
+    return entry.name.starts_with("densif") || entry.name.starts_with("mcmc-") ||
+           isOneOf(entry,
+                   {"gaussians", "percent", "default-gaussians", "limit-by", "prune-opacity", "prune-radius",
+                    "wide-sigma", "reset-every", "sh-every", "pixels-per-texel", "texel-budget", "texture-sizes"});
   });
   return lines;
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/model/model.h"
 #include "training/settings/settings.h"
 
 namespace tg {
@@ -15,7 +16,8 @@ using ChosenSetting = std::function<bool(const SettingEntry& entry)>;
 // --texture-mode none". `by_size`: the size of a file chooses counts that nobody named.
 std::vector<std::string> idleSettings(const TrainSettings& settings, const ChosenSetting& chosen, bool start_model,
                                       bool by_size);
-// The same of a start model that has textures, which is past stage 1.
-std::vector<std::string> idlePastStage1(const TrainSettings& settings, const ChosenSetting& chosen);
+// The same of a start model that has textures, which is past stage 1 and keeps them.
+std::vector<std::string> idlePastStage1(const TrainSettings& settings, const ChosenSetting& chosen,
+                                        const GaussianModel& start, bool by_size);
 
 }  // namespace tg

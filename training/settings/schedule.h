@@ -28,6 +28,11 @@ struct Schedule {
   bool resetsOpacity(int iteration) const {
     return reset_every > 0 && iteration < reset_until && iteration % reset_every == 0;
   }
+  // The last round of a stage 1 of so many iterations; 0: it has none.
+  int lastRound(int iterations) const {
+    const int last = (std::min(densify_until, iterations + 1) - 1) / densify_every * densify_every;
+    return last > densify_from ? last : 0;
+  }
   // Large Gaussians are pruned once resets have begun, as in 3DGS: before, everything is still large.
   bool prunesLarge(int iteration) const { return reset_every > 0 && iteration > reset_every; }
 };

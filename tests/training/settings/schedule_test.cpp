@@ -2,6 +2,8 @@
 // What happens at which iteration.
 #include "training/settings/schedule.h"
 
+#include <array>
+
 #include "support/catch.h"
 
 TEST_CASE("short schedules keep the shape of long ones") {
@@ -51,6 +53,26 @@ TEST_CASE("the shortest runs that densify are as long as the manual says") {
   CHECK(densifies(tg::Densification::adc, 202));
   CHECK_FALSE(densifies(tg::Densification::mcmc, 120));
   CHECK(densifies(tg::Densification::mcmc, 121));
+}
+
+TEST_CASE("the last round is the last after which a run densifies") {
+  for (const tg::Densification densification : {tg::Densification::none, tg::Densification::adc}) {
+    for (const auto& [iterations, every, from, until] :
+         {std::array{0, 100, -1, -1}, std::array{201, 100, -1, -1}, std::array{202, 100, -1, -1},
+          std::array{300, 1, 0, 1}, std::array{300, 7, 250, -1}, std::array{300, 7, 0, 400},
+          std::array{280, 7, 273, 400}, std::array{280, 7, 280, 400}, std::array{280, 1, -1, 0}}) {
+      tg::TrainSettings settings;
+      settings.densification = densification;
+      settings.iterations = iterations;
+      settings.densify_every = every;
+      settings.densify_from = from;
+      settings.densify_until = until;
+      const tg::Schedule schedule = tg::makeSchedule(settings);
+      int last = 0;
+      for (int i = 1; i <= iterations; ++i) last = schedule.densifies(i) ? i : last;
+      CHECK(schedule.lastRound(iterations) == last);
+    }
+  }
 }
 
 TEST_CASE("pairs are merged after the last round and before the end") {

@@ -11,10 +11,43 @@
 #include <string>
 #include <vector>
 
+#include "core/model/atlas.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "support/catch.h"
+#include "support/scenes.h"
 #include "training/every_setting.h"
+#include "training/settings/idle.h"
+
+namespace {
+
+using Lines = std::vector<std::string>;
+
+// "--gaussians 5 --filter-3d on", and which of the settings that names.
+struct Flags {
+  explicit Flags(const std::string& text) {
+    std::istringstream words(text);
+    for (std::string flag, value; words >> flag >> value;) {
+      const auto entry = std::ranges::find(tg::settingEntries(), flag.substr(2), &tg::SettingEntry::name);
+      REQUIRE(entry != tg::settingEntries().end());
+      entry->set(settings, value);
+      named.insert(entry->name);
+    }
+  }
+  tg::ChosenSetting chosen() const {
+    return [this](const tg::SettingEntry& entry) { return named.contains(entry.name); };
+  }
+
+  tg::TrainSettings settings;
+  std::set<std::string> named;
+};
+
+Lines idle(const std::string& text, bool start_model = false, bool by_size = false) {
+  const Flags flags(text);
+  return tg::idleSettings(flags.settings, flags.chosen(), start_model, by_size);
+}
+
+}  // namespace
 
 TEST_CASE("every setting has its own name and survives its text", "[settings]") {
   std::set<std::string> names;
@@ -130,10 +163,6 @@ TEST_CASE("settings that contradict each other are refused", "[settings]") {
   CHECK_NOTHROW(tg::checkSettings(settings));
 }
 
-TEST_CASE("the paper's texel budget", "[settings]") {
-  const int expected[][2] = {{1, 40}, {2, 28}, {5, 18}, {10, 13}, {20, 9}, {50, 6}, {100, 4}};
-  for (const auto& [percent, size] : expected) CHECK(tg::textureSizeForPercent(percent) == size);
-}
 TEST_CASE("tiny and huge shares lead to textures of a size that there is", "[settings]") {
   for (const double percent : {1e-300, 1e-17, 1e-6, 0.024}) {
     CHECK(tg::textureSizeForPercent(percent) == tg::kMostTextureSize);
@@ -141,3 +170,79 @@ TEST_CASE("tiny and huge shares lead to textures of a size that there is", "[set
   CHECK(tg::textureSizeForPercent(1e9) == 1);
 }
 
+TEST_CASE("the paper's texel budget", "[settings]") {
+  const int expected[][2] = {{1, 40}, {2, 28}, {5, 18}, {10, 13}, {20, 9}, {50, 6}, {100, 4}};
+  for (const auto& [percent, size] : expected) CHECK(tg::textureSizeForPercent(percent) == size);
+}
+
+TEST_CASE("settings of stage 2 count for nothing where no textures are trained", "[settings]") {
+  CHECK(idle("--texture-mode none --texture-iterations 9 --texture-size 4 --rate-position-texture 1e-4") ==
+        Lines{"--texture-iterations, --texture-size, --rate-position-texture: does nothing with --texture-mode none"});
+  CHECK(idle("--texture-mode none --texture-iterations 0").empty());
+  // A plan adds them to stage 1.
+  CHECK(idle("--texture-mode none --texture-iterations 9", false, true).empty());
+  CHECK(idle("--texture-mode none --texture-size 4", true) ==
+        Lines{"--texture-size: does nothing with --texture-mode none"});
+  CHECK(idle("--texture-iterations 0 --rate-position-texture 1e-4 --rate-texels 1e-3", true) ==
+        Lines{"--rate-position-texture: does nothing with --texture-iterations 0"});
+  CHECK(idle("--texture-iterations 9 --rate-position-texture 1e-4").empty());
+}
+
+TEST_CASE("settings that the schedule of stage 1 has no use for are told", "[settings]") {
+  const std::string no_round = ": does nothing with a schedule without a round of densification";
+  const std::string no_reset = "--reset-every: does nothing with a schedule without an opacity reset";
+  const std::string no_late =
+      "--prune-radius: does nothing with a schedule without a round after the first opacity reset";
+  CHECK(idle("--densification none --prune-opacity 0.1") ==
+        Lines{"--prune-opacity: does nothing with --densification none"});
+  CHECK(idle("--iterations 300 --densify-from 250 --reset-every 200") == Lines{"--densify-from" + no_round, no_reset});
+  CHECK(idle("--iterations 300 --densify-from 250 --prune-radius 20 --wide-sigma 0.1") ==
+        Lines{"--prune-radius, --wide-sigma, --densify-from" + no_round});
+  CHECK(idle("--iterations 100 --gaussians 50 --densification mcmc --mcmc-growth 0.1") ==
+        Lines{"--mcmc-growth" + no_round});
+  CHECK(idle("--iterations 100 --densify-threshold 0.1 --limit-by swap --gaussians 50") ==
+        Lines{"--densify-threshold" + no_round});
+  CHECK(idle("--iterations 100 --densify-threshold 0.1 --gaussians 50", false, true).empty());
+
+  CHECK(idle("--iterations 4000 --prune-radius 20") == Lines{no_late});
+  CHECK(idle("--iterations 4000 --prune-radius 0").empty());
+  CHECK(idle("--iterations 4000 --prune-radius 20 --reset-every 1500").empty());
+  CHECK(idle("--iterations 4000 --prune-radius 20 --reset-every 1900") == Lines{no_late});
+  CHECK(idle("--iterations 8000 --prune-radius 20").empty());
+  CHECK(idle("--iterations 4000 --densify-every 10").empty());
+  // On a white background there is one after densify-from.
+  CHECK(idle("--iterations 4000 --reset-every 1990").empty());
+  CHECK(idle("--iterations 4000 --reset-every 1990 --densify-from 0") == Lines{no_reset});
+  CHECK(idle("--iterations 4000 --reset-every 0 --densify-from 0").empty());
+  CHECK(idle("--iterations 300 --reset-every 299 --densify-from 350 --densify-until 400 --wide-sigma 0") ==
+        Lines{"--densify-from" + no_round, no_reset});
+}
+
+TEST_CASE("a start model that has textures has no use for what stage 1 and new textures are made by", "[settings]") {
+  tg::GaussianModel start = tg::test::makeScene(tg::test::SceneKind::ordinary, 3, 5).model;
+  start.texture_mode = tg::TextureMode::rgb;
+  start.atlas = tg::makeUniformAtlas(start.size(), 2, 2);
+  const auto past = [&](const std::string& text, bool by_size = false) {
+    const Flags flags(text);
+    return tg::idlePastStage1(flags.settings, flags.chosen(), start, by_size);
+  };
+  const std::string why = ": does nothing with a start model that has textures";
+  CHECK(past("--iterations 9 --percent 5 --default-gaussians 9 --limit-by swap --prune-opacity 0.1 --prune-radius 9 "
+             "--wide-sigma 1 --reset-every 9 --sh-every 9 --mcmc-noise 1 --densify-every 9") ==
+        Lines{"--iterations, --percent, --default-gaussians, --limit-by, --prune-opacity, --prune-radius, "
+              "--wide-sigma, --densify-every, --reset-every, --sh-every, --mcmc-noise" +
+              why});
+  CHECK(past("--gaussians 9 --texture-size 4 --pixels-per-texel 1 --texel-budget 9 --texture-sizes footprint", true) ==
+        Lines{"--gaussians, --texture-size, --pixels-per-texel, --texel-budget, --texture-sizes" + why});
+  CHECK(past("--texture-mode rgba --intersection plane --texture-outside clip") ==
+        Lines{"--intersection, --texture-mode, --texture-outside" + why});
+  start.intersection = tg::IntersectionModel::plane;
+  start.outside = tg::TextureOutside::clip;
+  CHECK(past("--texture-mode rgb --intersection plane --texture-outside clip").empty());
+  CHECK(past("--texture-dictionary 4 --texture-size 4", true).empty());
+  CHECK(
+      past("--iterations 0 --texture-iterations 9 --adaptive-texels 2 --texture-intersection plane --rate-texels 1e-3 "
+           "--filter-3d on --sh-degree 1 --seed 3 --ssim-weight 0.1 --extent-distances 1 --rate-position-texture 0 "
+           "--texture-gradient-suffix off --quantize-iterations 9")
+          .empty());
+}
