@@ -73,6 +73,8 @@ std::vector<std::string> warningsOf(const TrainOptions& options, const std::opti
   if (tg::isTextured(bundle->model)) {
     std::ranges::copy(tg::idlePastStage1(settings, chosen, bundle->model, false), std::back_inserter(warnings));
   }
+  const std::string twice = tg::filteredTwice(bundle->training_json, settings.filter_3d);
+  if (!twice.empty()) warnings.push_back(twice);
   return warnings;
 }
 

@@ -219,6 +219,8 @@ void Training::load() {
   dataset_ = loadData(options_, dataOptions(options_, together_));
   requireStorable(options_, dataset_.views);
   if (!start) return;
+  const std::string twice = filteredTwice(start->training_json, settingsOf(options_).filter_3d);
+  if (!twice.empty()) std::fprintf(stderr, "tgtrain: %s\n", twice.c_str());
   if (!options_.quiet) {
     for (const std::string& warning : start->warnings)
       std::fprintf(stderr, "tgtrain: %s\n", printable(warning).c_str());

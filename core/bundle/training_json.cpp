@@ -44,6 +44,8 @@ void noteEdited(std::string& training_json) {
 
 bool wasForValidation(const std::string& training_json) { return isTrue(training_json, "/dataset/validation"); }
 
+bool wasFiltered(const std::string& training_json) { return memberOf(training_json, "/settings/filter-3d") == "on"; }
+
 std::optional<std::optional<Normalization>> normalizationOf(const std::string& training_json) {
   const nlohmann::json dataset = memberOf(training_json, "/dataset");
   if (!dataset.is_object() || !dataset.contains("normalized") || wasEdited(training_json)) return std::nullopt;

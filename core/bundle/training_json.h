@@ -25,6 +25,9 @@ bool wasInterrupted(const std::string& training_json);
 // Whether its held-out views were training views (--validation): the data set's test views are none of its cameras.
 bool wasForValidation(const std::string& training_json);
 
+// Whether it had --filter-3d: the model is of Gaussians as its filter left them (docs/math.md 8).
+bool wasFiltered(const std::string& training_json);
+
 // How a data set was moved and scaled before training (--normalize): x there is scale * (x - origin).
 struct Normalization {
   double scale = 1;

@@ -397,6 +397,14 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   CHECK(past.warnings() ==
         std::vector<std::string>{"--init-count: does nothing with --start-model",
                                  "--iterations, --densify-every: does nothing with a start model that has textures"});
+  tg::Bundle bundle = tg::readBundle(kSample);
+  bundle.training_json = R"({"settings": {"filter-3d": "on"}})";
+  tg::writeBundle(folder / "filtered.tgz", bundle);
+  const Model filtered = Model::load(folder / "filtered.tgz");
+  CHECK(Trainer(dataset, {.settings = {{"texture-iterations", "1"}}}, filtered).warnings().empty());
+  CHECK(Trainer(dataset, {.settings = {{"texture-iterations", "1"}, {"filter-3d", "on"}}}, filtered).warnings() ==
+        std::vector<std::string>{"--filter-3d: the start model is as the filter of its own training left it, and is "
+                                 "filtered once more"});
   Trainer second(dataset, options, first.model());
   CHECK(second.progress().psnr == 0);
   CHECK(second.model().size() == first.model().size());

@@ -573,6 +573,13 @@ TEST_CASE("a setting that nothing uses is warned of where a flag names it", "[pr
         "tgtrain: --iterations, --gaussians, --texture-mode: does nothing with a start model that has textures\n");
   CHECK(said("--texture-iterations 0 --prune-opacity 0.1") ==
         "tgtrain: --prune-opacity: does nothing with a schedule without a round of densification\n");
+  REQUIRE(tgtrain(folder, "scene -o plain.tgz -q --iterations 2 --texture-iterations 0").code == 0);
+  CHECK(said("--texture-iterations 0 --start-model plain.tgz --filter-3d").empty());
+  REQUIRE(tgtrain(folder, "scene -o filtered.tgz -q --iterations 2 --texture-iterations 0 --filter-3d").code == 0);
+  CHECK(said("--texture-iterations 0 --start-model filtered.tgz").empty());
+  CHECK(said("--texture-iterations 0 --start-model filtered.tgz --filter-3d") ==
+        "tgtrain: --filter-3d: the start model is as the filter of its own training left it, and is filtered once "
+        "more\n");
   CHECK(said("--start-model start.tgz --points scene/points3d.ply") ==
         "tgtrain: --points expects no --start-model, which is a start of its own\n");
 }

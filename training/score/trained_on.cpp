@@ -35,6 +35,11 @@ std::string otherWorld(const TrainedOn& trained, bool normalized, const std::str
                     : "was trained with " + by + ", and the data set is read without it";
 }
 
+std::string filteredTwice(const std::string& training_json, bool filter_3d) {
+  if (!filter_3d || !wasFiltered(training_json)) return "";
+  return "--filter-3d: the start model is as the filter of its own training left it, and is filtered once more";
+}
+
 std::vector<std::string> notesOnViews(const TrainedOn& trained, const std::string& dataset, bool normalized,
                                       const std::string& by, std::span<const Camera> views) {
   std::vector<std::string> notes;

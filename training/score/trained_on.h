@@ -25,6 +25,9 @@ TrainedOn trainedOn(const Bundle& bundle);
 // about the model; "": nothing that is known. `by`: the option that normalizes, as the caller's user knows it.
 std::string otherWorld(const TrainedOn& trained, bool normalized, const std::string& by);
 
+// What to say where a training with the 3D filter goes on from the model of another one with it; "": nothing.
+std::string filteredTwice(const std::string& training_json, bool filter_3d);
+
 // What to say of a model that is scored on `views` of a data set, which is normalized or not: that it is of another
 // world, was trained on other photographs, on such of another size, or on test views; a line each, without the
 // model's name.

@@ -216,3 +216,12 @@ TEST_CASE("training.json says which world a model is of, or it is not known") {
   tg::noteEdited(edited);
   CHECK_FALSE(normalizationOf(edited).has_value());
 }
+
+TEST_CASE("training.json says whether the 3D filter was on") {
+  CHECK(tg::wasFiltered(R"({"settings": {"filter-3d": "on"}})"));
+  for (const char* other : {"", "{}", "{", R"({"settings": {"filter-3d": "off"}})", R"({"settings": "filter-3d"})",
+                            R"({"settings": {}, "filter-3d": "on"})", R"({"settings": {"filter-3d": true}})"}) {
+    INFO(other);
+    CHECK_FALSE(tg::wasFiltered(other));
+  }
+}
