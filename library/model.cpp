@@ -53,6 +53,22 @@ void requireLengths(const ModelData& data, std::size_t n) {
   if (!data.texture_rects.empty()) require(data.texture_rects.size(), n, "texture_rects");
 }
 
+// Whatever one of the three says alone would be lost without a word. Throws tg::Error(badData).
+void requireWholeTextures(const ModelData& data, std::size_t n) {
+  const auto refuse = [](const std::string& what) { throw tg::Error(tg::ErrorKind::badData, "model", what); };
+  const std::string found = data.texels.empty() ? "texture_rects" : "texels";
+  if (data.texture_mode == TextureMode::none && !(data.texels.empty() && data.texture_rects.empty())) {
+    refuse("texture_mode: none beside " + found + " (expected alpha, rgb or rgba)");
+  }
+  if (n > 0 && !data.texels.empty() && data.texture_rects.empty()) {
+    refuse("texels: without texture_rects (expected one a Gaussian)");
+  }
+  const auto textured = [](const TextureRect& rect) { return rect.width > 0 && rect.height > 0; };
+  if (data.texels.empty() && std::ranges::any_of(data.texture_rects, textured)) {
+    refuse("texture_rects: without texels (expected those that they name)");
+  }
+}
+
 std::vector<float> copyOf(std::span<const float> floats) { return {floats.begin(), floats.end()}; }
 
 }  // namespace
@@ -78,6 +94,7 @@ Model::Model(const ModelData& data)
         model.outside = enumOf<tg::TextureOutside>(data.outside, TextureOutside::edge, "outside");
         model.mean = valuesOf<glm::vec3>(data.means, "means");
         requireLengths(data, model.size());
+        requireWholeTextures(data, model.size());
         // Files have the quaternion's real part first, as .x.
         model.rotation = valuesOf<glm::vec4>(data.rotations, "rotations");
         model.log_scale = valuesOf<glm::vec3>(data.log_scales, "log_scales");

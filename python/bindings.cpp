@@ -358,11 +358,12 @@ World space is the data set's, right-handed; nothing is rescaled.)")
 
 means [N, 3] [world units]; rotations [N, 4] quaternions w, x, y, z, world from Gaussian, of a length from 1e-22 to
 1e19; log_scales [N, 3] ln(sigma); opacity_logits [N], opacity = 1 / (1 + exp(-logit)); sh [N, K, 3] with K = 1, 4, 9 or
-16, colour = 0.5 + sum of sh times basis; texture_mode "none", "alpha", "rgb" or "rgba"; texture_rects [N, 3] integers
-offset, width, height [texels]: texel (i, j), i along u, is texels[offset + j * width + i]; texels [T, 4] RGB, added to
-the base colour, and a factor on alpha in [0, 1]; background RGB that it was trained against; cameras of the photographs
-that it was trained on; intersection, where a ray meets a Gaussian: "plane" or "max_response"; outside, what is drawn of
-a textured Gaussian beyond +-3 sigma: "base", "clip" or "edge".)")
+16, colour = 0.5 + sum of sh times basis; texture_mode "alpha", "rgb" or "rgba", or "none", which has no texture_rects
+and no texels; texture_rects [N, 3] integers offset, width, height [texels]: texel (i, j), i along u, is
+texels[offset + j * width + i]; texels [T, 4] RGB, added to the base colour, and a factor on alpha in [0, 1]; background
+RGB that it was trained against; cameras of the photographs that it was trained on; intersection, where a ray meets a
+Gaussian: "plane" or "max_response"; outside, what is drawn of a textured Gaussian beyond +-3 sigma: "base", "clip" or
+"edge".)")
       .def_static("load", &Model::load, "path"_a, py::call_guard<py::gil_scoped_release>(),
                   "From any file that tgconvert reads (docs/formats.md), such as a .tgz, .glb, .ply or .spz.")
       .def(

@@ -132,6 +132,33 @@ TEST_CASE("numbers that make no model are refused by name") {
   CHECK(refused([](ModelData&) {}) == "accepted");
 }
 
+TEST_CASE("textures of which a part is missing are refused and not lost without a word") {
+  const ModelData good = Model::load(kSample).data();
+  const auto refused = [&](TextureMode mode, bool rects, bool texels) {
+    ModelData data = good;
+    data.texture_mode = mode;
+    if (!rects) data.texture_rects.clear();
+    if (!texels) data.texels.clear();
+    return messageOf([&] { Model{data}; }, ErrorKind::badData);
+  };
+  CHECK(refused(TextureMode::none, true, true) ==
+        "model: texture_mode: none beside texels (expected alpha, rgb or rgba)");
+  CHECK(refused(TextureMode::none, true, false) ==
+        "model: texture_mode: none beside texture_rects (expected alpha, rgb or rgba)");
+  CHECK(refused(TextureMode::rgba, false, true) == "model: texels: without texture_rects (expected one a Gaussian)");
+  CHECK(refused(TextureMode::rgba, true, false) ==
+        "model: texture_rects: without texels (expected those that they name)");
+  CHECK(refused(TextureMode::none, false, false) == "accepted");
+  ModelData data = good;
+  data.texels.clear();
+  std::ranges::fill(data.texture_rects, TextureRect());
+  CHECK(Model(data).textureRects().size() == 5000);  // as of a model whose last textures were cut away
+  data = ModelData();
+  data.texture_mode = TextureMode::rgb;
+  data.texels = good.texels;
+  CHECK(Model(data).size() == 0);
+}
+
 TEST_CASE("enumerators that there are none of are refused") {
   const TemporaryFolder folder;
   const auto refused = [&](const auto& step) { return messageOf(step, ErrorKind::usage); };

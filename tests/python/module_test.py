@@ -93,7 +93,7 @@ class Models(Folder):
                 ("sh", np.zeros((2, 5, 3)), "usage", "sh: expected K of 1, 4, 9 or 16, found 5"),
                 ("texture_mode", "rgbx", "usage", 'texture mode: expected one of none, alpha, rgb, rgba, found "rgbx"'),
                 ("texture_rects", np.array([[0, 2, 2], [-1, 1, 1]]), "usage", "texture_rects: row 1"),
-                ("texture_rects", np.array([[0, 2, 2], [0, 0, 0]]), "bad_data", "Gaussian 0")):
+                ("texture_rects", np.array([[0, 2, 2], [0, 0, 0]]), "bad_data", "texture_mode: none")):
             with self.subTest(name=name):
                 self.refused(kind, words, tg.Model, **(good | {name: value}))
         for name, value, words in (
@@ -127,6 +127,11 @@ class Models(Folder):
         textured = tg.Model(**lists, texture_mode="rgba", texture_rects=[[0, 1, 1], [0, 0, 0]], texels=[[0, 0, 0, 1]])
         self.assertEqual(textured.texture_rects.tolist(), [[0, 1, 1], [0, 0, 0]])
         self.assertEqual(len(tg.Model(**good, texture_rects=plain.texture_rects, texels=plain.texels)), 2)
+        rects, texels = {"texture_rects": [[0, 1, 1], [0, 0, 0]]}, {"texels": [[0, 0, 0, 1]]}
+        for words, given in {"texture_mode: none beside texels": rects | texels,
+                             "texels: without texture_rects": texels | {"texture_mode": "rgba"},
+                             "texture_rects: without texels": rects | {"texture_mode": "rgba"}}.items():
+            self.refused("bad_data", words, tg.Model, **good, **given)
 
     def test_files_that_are_none_are_refused_with_their_kind(self):
         self.refused("cannot_read", "none.tgz", tg.Model.load, self.folder / "none.tgz")

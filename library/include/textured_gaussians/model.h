@@ -37,7 +37,7 @@ struct ModelData {
   std::vector<float> opacity_logits;  // [N] opacity = 1 / (1 + exp(-logit))
   std::vector<float> sh;              // [N, K, 3] RGB, K = (sh_degree + 1)^2; colour = 0.5 + sum of sh times basis
   int sh_degree = 0;                  // 0 to 3
-  TextureMode texture_mode = TextureMode::none;
+  TextureMode texture_mode = TextureMode::none;  // none has no texture_rects and no texels
   Intersection intersection = Intersection::maxResponse;
   TextureOutside outside = TextureOutside::base;
   std::vector<TextureRect> texture_rects;  // [N], or empty: no Gaussian has a texture
@@ -53,9 +53,9 @@ class Model {
  public:
   Model(const Model&) = default;
   Model& operator=(const Model&) = default;
-  // Throws Error(badData) naming the member whose length is wrong, or the first Gaussian with numbers that are not
-  // finite, a quaternion without a length or a rectangle beyond the texels; Error(usage) for cameras and enumerators
-  // that are none.
+  // Throws Error(badData) naming the member whose length is wrong, texels or rectangles that lack the other or a
+  // texture mode, or the first Gaussian with numbers that are not finite, a quaternion without a length or a rectangle
+  // beyond the texels; Error(usage) for cameras and enumerators that are none.
   explicit Model(const ModelData& data);
   // From any file that tgconvert reads (docs/formats.md), such as a .tgz, .glb, .ply or .spz, told by its content where
   // its format has a mark of its own, else by its extension. Throws Error: cannotRead, badData.
