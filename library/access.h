@@ -80,6 +80,12 @@ bool allFinite(const std::array<T, kCount>& numbers) {
   return std::ranges::all_of(numbers, [](T number) { return std::isfinite(number); });
 }
 
+inline bool isChannels(int channels) { return channels == 1 || channels == 3 || channels == 4; }
+// Of sides above 0: how many numbers a picture has.
+inline std::size_t lengthOf(int width, int height, int channels) {
+  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * static_cast<std::size_t>(channels);
+}
+
 inline glm::vec3 colorOf(const std::array<float, 3>& color) { return {color[0], color[1], color[2]}; }
 // Of a background that is asked for. Throws Error(usage).
 inline glm::vec3 finiteColorOf(const std::array<float, 3>& color) {

@@ -193,6 +193,93 @@ void fill(std::array<double, kCount>& numbers, const py::object& given, const Sh
   std::copy_n(array.data(), kCount, numbers.begin());
 }
 
+// ---- Data sets
+
+template <typename Number>
+ByteImage bytesOf(const ArrayOf<Number>& array, int channels) {
+  return {static_cast<int>(array.shape(1)),
+          static_cast<int>(array.shape(0)),
+          channels,
+          {array.data(), array.data() + array.size()}};
+}
+
+// Of [height, width] or, where it may be `colored`, of [height, width, channels].
+template <typename Array>
+int channelsOf(const Array& array, const std::string& name, bool colored) {
+  constexpr py::ssize_t most = 1 << 30;
+  const bool flat = array.ndim() == 2, deep = colored && array.ndim() == 3;
+  if ((!flat && !deep) || array.shape(0) > most || array.shape(1) > most || (deep && array.shape(2) > most)) {
+    refuse(name + ": expected an array of shape [height, width]" + (colored ? " or [height, width, channels]" : "") +
+           ", found " + shapeText(array));
+  }
+  return deep ? static_cast<int>(array.shape(2)) : 1;
+}
+
+// Whether NumPy makes an array of this type's very numbers of an argument.
+template <typename Number>
+bool isArrayOf(const py::object& given) {
+  return py::isinstance<py::array>(given) && py::isinstance<py::array_t<Number>>(given);
+}
+
+ByteImage imageFrom(const py::object& given, const std::string& name) {
+  const std::string expected = name + ": expected uint8, black 0 and white 255, or floats, black 0 and white 1";
+  if (isArrayOf<std::uint8_t>(given)) {
+    const auto array = arrayFrom<std::uint8_t>(given, "u", expected);
+    return bytesOf(array, channelsOf(array, name, true));
+  }
+  const auto array = arrayFrom<float>(given, "f", expected);
+  const int channels = channelsOf(array, name, true);
+  return toBytes({static_cast<int>(array.shape(1)),
+                  static_cast<int>(array.shape(0)),
+                  channels,
+                  {array.data(), array.data() + array.size()}});
+}
+
+ByteImage maskFrom(const py::object& given, const std::string& name) {
+  if (given.is_none()) return {};
+  const auto array =
+      arrayFrom<std::uint8_t>(given, isArrayOf<std::uint8_t>(given) ? "u" : "b", name + ": expected truths or uint8");
+  return bytesOf(array, channelsOf(array, name, false));
+}
+
+std::vector<float> colorsFrom(const py::object& given) {
+  const bool bytes = isArrayOf<std::uint8_t>(given);
+  const auto array = arrayFrom<float>(given, bytes ? "u" : "f", "colors: expected uint8 up to 255 or floats up to 1");
+  requireShape(array, {-1, 3}, "colors", "[P, 3]");
+  std::vector<float> colors(array.data(), array.data() + array.size());
+  if (bytes) std::ranges::transform(colors, colors.begin(), [](float value) { return value / 255; });
+  return colors;
+}
+
+// One picture after the other, so that they need not be in memory together.
+Dataset makeDataset(const py::iterable& images, std::vector<Camera> cameras,
+                    const std::optional<std::vector<py::str>>& names, const std::optional<ArrayLike>& points,
+                    const std::optional<ArrayLike>& colors, const std::optional<py::iterable>& masks,
+                    const std::optional<std::array<float, 3>>& background, int test_every) {
+  DatasetData data;
+  const auto place = [](const char* of, std::size_t i) { return std::string(of) + " " + std::to_string(i); };
+  for (const py::handle image : images) {
+    data.images.push_back(imageFrom(py::reinterpret_borrow<py::object>(image), place("image", data.images.size())));
+  }
+  if (names && names->size() != cameras.size()) {
+    refuse("names: expected one a camera, " + std::to_string(cameras.size()) + ", found " +
+           std::to_string(names->size()));
+  }
+  for (std::size_t i = 0; names && i < cameras.size(); ++i) cameras[i].name = fileNameFrom((*names)[i]);
+  data.cameras = std::move(cameras);
+  if (points) data.points = floatsOf(*points, {-1, 3}, "points", "[P, 3]");
+  if (colors) data.colors = colorsFrom(*colors);
+  if (masks) {
+    for (const py::handle mask : *masks) {
+      data.masks.push_back(maskFrom(py::reinterpret_borrow<py::object>(mask), place("mask", data.masks.size())));
+    }
+  }
+  data.background = background;
+  data.test_every = test_every;
+  const py::gil_scoped_release release;
+  return Dataset(std::move(data));
+}
+
 // ---- Models
 
 Model makeModel(const ArrayLike& means, const ArrayLike& rotations, const ArrayLike& log_scales,
@@ -510,7 +597,18 @@ std::string settingText(py::object value) {
 }
 
 void bindTraining(py::module_& module) {
-  py::class_<Dataset>(module, "Dataset", "Photographs with known cameras.")
+  py::class_<Dataset>(module, "Dataset", "Photographs with known cameras. A data set does not change.")
+      .def(py::init(&makeDataset), "images"_a, "cameras"_a, py::kw_only(), "names"_a = py::none(),
+           "points"_a = py::none(), "colors"_a = py::none(), "masks"_a = py::none(), "background"_a = py::none(),
+           "test_every"_a = 8, R"(N photographs in memory; they train and score as PNGs of them in a folder.
+
+images: N arrays [height, width, 3 or 4] or [height, width], of uint8, or of floats with black 0 and white 1, which are
+clamped and rounded to 8 bits; any iterable, of which one after the other is read. cameras: N, each of its image's size;
+where one is .test these are held out. names: N, of the photographs, instead of the cameras' own. points [P, 3] [world
+units]; None: training starts from random ones. colors [P, 3] of the points: uint8, or floats from 0 to 1; None: grey.
+masks: N arrays [height, width] of truths or uint8, or None for one: pixels where it is 0 are neither trained on nor
+scored. background: RGB behind images of 4 channels; None: black, and an evaluation goes over the model's. test_every:
+every n-th photograph by name is held out where no camera is; 0: none.)")
       .def_static(
           "load",
           [](const std::filesystem::path& folder, int downscale, const std::optional<std::array<float, 3>>& background,

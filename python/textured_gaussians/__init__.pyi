@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # The types of the module; what each function does, with shapes and units, is in its docstring.
 import os
-from typing import Callable, List, Literal, NoReturn, Optional, Sequence, Tuple, Union
+from typing import Callable, Iterable, List, Literal, NoReturn, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -148,7 +148,18 @@ def read_image(path: _Path) -> _Floats: ...
 def write_image(path: _Path, image: npt.NDArray[np.floating]) -> None: ...
 
 class Dataset:
-    def __init__(self, _made_by_load: NoReturn) -> None: ...
+    def __init__(
+        self,
+        images: Iterable[npt.NDArray[Union[np.uint8, np.floating]]],
+        cameras: Sequence[Camera],
+        *,
+        names: Optional[Sequence[str]] = ...,
+        points: Optional[npt.ArrayLike] = ...,
+        colors: Optional[npt.NDArray[Union[np.uint8, np.floating]]] = ...,
+        masks: Optional[Iterable[Optional[npt.NDArray[Union[np.bool_, np.uint8]]]]] = ...,
+        background: Optional[_Color] = ...,
+        test_every: int = ...,
+    ) -> None: ...
     @staticmethod
     def load(
         folder: _Path,

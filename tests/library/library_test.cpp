@@ -2,6 +2,7 @@
 // The public headers: what they promise to programs that know nothing else of the project.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -10,6 +11,7 @@
 #include <string>
 #include <system_error>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 #include "core/bundle/bundle.h"
@@ -526,6 +528,138 @@ TEST_CASE("an evaluation tells of a model of other photographs") {
         std::vector<std::string>{"was trained on photographs of 32 x 32, and is scored on 16 x 16 (--downscale)"});
 }
 
+TEST_CASE("photographs in memory train and score to the bytes of those of a folder") {
+  const TemporaryFolder folder;
+  tg::writeSample(folder / "scene", kScene, false);
+  Image mask{32, 32, 1, std::vector<float>(32 * 32, 1.0f)};
+  std::fill_n(mask.data.begin(), 32 * 9, 0.0f);
+  for (const char* name : {"train/r_1.png", "test/r_0.png"}) {
+    std::filesystem::create_directories((folder / "scene/masks" / name).parent_path());
+    writeImage(folder / "scene/masks" / name, mask);
+  }
+  const std::array<float, 3> black = {0, 0, 0};
+  const Dataset loaded = Dataset::load(folder / "scene", {.background = black});
+  DatasetData data;
+  data.background = black;
+  for (const Camera& camera : loaded.cameras()) {
+    const std::string name = std::string(camera.test ? "test" : "train") + "/" + camera.name;
+    data.cameras.insert(data.cameras.begin(), camera);  // in another order than loaded
+    data.images.insert(data.images.begin(), toBytes(readImage(folder / "scene" / name)));
+    const bool masked = std::filesystem::exists(folder / "scene/masks" / name);
+    data.masks.insert(data.masks.begin(), masked ? toBytes(mask) : ByteImage());
+  }
+  REQUIRE(data.images.front().channels == 4);
+  const tg::PointCloud& points = Access::dataset(loaded)->points;
+  for (const glm::vec3& point : points.position) data.points.insert(data.points.end(), {point.x, point.y, point.z});
+  for (const glm::vec3& color : points.color) data.colors.insert(data.colors.end(), {color.x, color.y, color.z});
+  const Dataset made(data);
+  CHECK(made.size() == 8);
+  CHECK(made.warnings().empty());
+  std::vector<Model> models;
+  for (const Dataset& dataset : {loaded, made}) {
+    Trainer trainer(dataset, {.settings = {{"iterations", "12"}, {"texture-iterations", "6"}, {"texture-size", "2"}}});
+    while (trainer.step()) {
+    }
+    models.push_back(trainer.model());
+    models.back().save(folder / (std::to_string(models.size()) + ".tgz"));
+  }
+  CHECK(bytesOf(folder / "1.tgz") == bytesOf(folder / "2.tgz"));
+  ModelData grey = models[0].data();
+  grey.background = {0.3f, 0.4f, 0.5f};
+  data.background.reset();
+  for (const auto& [one, other, model] :
+       {std::tuple{loaded, made, models[0]}, {Dataset::load(folder / "scene"), Dataset(data), Model(grey)}}) {
+    for (const Split split : {Split::train, Split::test}) {
+      const Evaluation a = evaluate(model, one, {.split = split}), b = evaluate(model, other, {.split = split});
+      REQUIRE(a.views.size() == b.views.size());
+      CHECK(a.background == b.background);
+      for (std::size_t i = 0; i < a.views.size(); ++i) {
+        CHECK(a.views[i].name == b.views[i].name);
+        CHECK(a.views[i].psnr == b.views[i].psnr);
+        CHECK(a.views[i].ssim == b.views[i].ssim);
+      }
+    }
+  }
+  CHECK(Dataset(data).background() == black);
+}
+
+TEST_CASE("of photographs in memory every n-th by name is held out unless a camera says so") {
+  DatasetData data;
+  for (int i = 0; i < 9; ++i) {
+    Camera camera = lookAt({0.1 * i, 0, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, 4, 3);
+    camera.name = std::to_string(9 - i);
+    data.cameras.push_back(camera);
+    data.images.push_back({4, 3, 1, std::vector<std::uint8_t>(12, static_cast<std::uint8_t>(10 * i))});
+  }
+  const auto heldOut = [](const Dataset& dataset) {
+    std::string names;
+    for (const Camera& camera : dataset.cameras()) names += camera.name + (camera.test ? "*" : "");
+    return names;
+  };
+  CHECK(heldOut(Dataset(data)) == "23456781*9*");
+  CHECK(Dataset(data).photograph(0).data == std::vector<float>(36, 70 / 255.0f));
+  data.test_every = 4;
+  CHECK(heldOut(Dataset(data)) == "2346781*5*9*");
+  data.cameras[2].test = true;
+  CHECK(heldOut(Dataset(data)) == "123456897*");
+  data.cameras[2].test = false;
+  data.test_every = 0;
+  const Dataset dataset(data);
+  CHECK(heldOut(dataset) == "123456789");
+  CHECK(messageOf([&] { evaluate(Model::load(kSample), dataset); }, ErrorKind::usage) ==
+        "the data set: has no photographs of this split");
+  CHECK(Trainer(dataset, {.settings = {{"init-count", "50"}}}).progress().gaussians == 50);  // without points
+  data.images.resize(1);
+  data.cameras.resize(1);
+  data.test_every = 8;
+  CHECK(heldOut(Dataset(data)) == "9");
+}
+
+TEST_CASE("photographs in memory that make no data set are refused by name") {
+  DatasetData good;
+  for (int i = 0; i < 2; ++i) {
+    good.cameras.push_back(lookAt({0, 0.1 * i, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, 4, 3));
+    good.images.push_back({4, 3, 3, std::vector<std::uint8_t>(36)});
+  }
+  good.points = {0, 0, 0, 1, 1, 1};
+  const auto refused = [&](const auto& spoil, ErrorKind kind = ErrorKind::badData) {
+    DatasetData data = good;
+    spoil(data);
+    return messageOf([&] { Dataset{data}; }, kind);
+  };
+  CHECK(refused([](DatasetData&) {}) == "accepted");
+  CHECK(refused([](DatasetData& data) { data = {}; }) == "data set: images: expected at least one");
+  CHECK(refused([](DatasetData& data) { data.cameras.pop_back(); }) ==
+        "data set: cameras: wrong length (expected 2, found 1)");
+  CHECK(refused([](DatasetData& data) { data.cameras.clear(); }) == "data set: cameras: expected one an image");
+  CHECK(refused([](DatasetData& data) { data.masks.resize(1); }) ==
+        "data set: masks: wrong length (expected 2, found 1)");
+  CHECK(refused([](DatasetData& data) { data.images[1].width = 3; }) ==
+        "data set: image 1: no picture of its camera's size (expected 4 x 3 x 1, 3 or 4, found 3 x 3 x 3 of 36 bytes)");
+  CHECK_THAT(refused([](DatasetData& data) { data.images[1].data.pop_back(); }), Contains("of 35 bytes"));
+  CHECK_THAT(refused([](DatasetData& data) { data.images[0].channels = 2; }), Contains("found 4 x 3 x 2"));
+  CHECK_THAT(refused([](DatasetData& data) { data.masks = data.images; }),
+             Contains("mask 0: no picture of its camera's size (expected 4 x 3 x 1, found 4 x 3 x 3"));
+  CHECK(refused([](DatasetData& data) { data.masks = {{4, 3, 1, std::vector<std::uint8_t>(12)}, {}}; }) ==
+        "data set: mask 0: hides every pixel");
+  CHECK(refused([](DatasetData& data) { data.points.pop_back(); }) ==
+        "data set: points: no whole number of points (expected a multiple of 3 floats, found 5)");
+  CHECK(refused([](DatasetData& data) { data.colors = {1}; }) ==
+        "data set: colors: wrong length (expected 6, found 1)");
+  CHECK(refused([](DatasetData& data) { data.colors = {0, 0, 0, 0, 255, 0}; }) ==
+        "data set: colors: point 1 is out of range (expected 0 to 1, found 255)");
+  CHECK_THAT(refused([](DatasetData& data) { data.points[4] = NAN; }),
+             Contains("data set: points: point 1 is out of range"));
+  CHECK_THAT(refused([](DatasetData& data) { data.cameras[1].focal[0] = 1e12; }),
+             Contains("data set: camera 1: focal length out of range"));
+  CHECK_THAT(refused([](DatasetData& data) { data.cameras[0].test = data.cameras[1].test = true; }),
+             Contains("every photograph is held out"));
+  CHECK_THAT(refused([](DatasetData& data) { data.cameras[1].width = 0; }, ErrorKind::usage), Contains("camera: "));
+  CHECK_THAT(refused([](DatasetData& data) { data.test_every = 1; }, ErrorKind::usage), Contains("--test-every"));
+  CHECK_THAT(refused([](DatasetData& data) { data.background = {0, NAN, 0}; }, ErrorKind::usage),
+             Contains("background"));
+}
+
 TEST_CASE("a data set tells what it was read without") {
   const TemporaryFolder folder;
   tg::writeSample(folder / "scene", kScene, false);
@@ -712,6 +846,20 @@ TEST_CASE("every example runs on what the one before it made") {
 TEST_CASE("a thread that cannot start is told as the programs tell it") {
   const auto starts = [] { throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again)); };
   CHECK(messageOf([&] { guarded(starts); }, ErrorKind::device).find("no thread can be started: ") == 0);
+}
+
+TEST_CASE("a picture in 8 bits is that of a PNG") {
+  const TemporaryFolder folder;
+  Image image{3, 2, 1, {-1, 0.001f, 0.0019f, 0.002f, 0.5f, 7}};
+  writeImage(folder / "a.png", image);
+  const ByteImage bytes = toBytes(image);
+  CHECK(bytes.data == std::vector<std::uint8_t>{0, 0, 0, 1, 128, 255});
+  CHECK(toBytes(readImage(folder / "a.png")).data == bytes.data);
+  image.data[4] = NAN;
+  CHECK(messageOf([&] { toBytes(image); }, ErrorKind::usage) ==
+        "image: 8 bits hold finite numbers alone (found nan at column 1, row 1)");
+  image.data.pop_back();
+  CHECK_THAT(messageOf([&] { toBytes(image); }, ErrorKind::usage), Contains("image: no picture"));
 }
 
 TEST_CASE("a picture that is none is not written") {

@@ -341,6 +341,57 @@ class Training(Folder):
             tg.evaluate(model, black, progress=lambda done, of: done // 0)
         self.assertIn("none of its 72 cameras", tg.evaluate(tg.Model.load(SAMPLE), black).warnings[0])
 
+    def test_arrays_train_as_the_files_that_hold_them(self):
+        loaded = tg.Dataset.load(self.scene.name, background=(0, 0, 0))
+        folder = pathlib.Path(self.scene.name)
+        pictures = [tg.read_image(folder / ("test" if camera.test else "train") / camera.name)
+                    for camera in loaded.cameras]
+        cloud = (folder / "points3d.ply").read_bytes().split(b"end_header\n")[1]
+        points = np.frombuffer(cloud, [("xyz", "<f4", 3), ("rgb", "u1", 3)])
+        data = {"points": points["xyz"], "colors": points["rgb"] * np.float32(1 / 255), "background": (0, 0, 0)}
+        bytes_of = [np.round(picture * 255).astype(np.uint8) for picture in pictures]
+        models = []
+        for dataset in (loaded, tg.Dataset(pictures, loaded.cameras, **data),
+                        tg.Dataset(iter(bytes_of), loaded.cameras, **data, masks=[None] * 8)):
+            trainer = tg.Trainer(dataset, iterations=10, texture_iterations=5, texture_size=2)
+            while trainer.step():
+                pass
+            trainer.model().save(self.folder / "model.tgz")
+            models.append((self.folder / "model.tgz").read_bytes())
+            self.assertEqual(repr(tg.evaluate(trainer.model(), dataset)), repr(tg.evaluate(trainer.model(), loaded)))
+        self.assertEqual(models[0], models[1])
+        self.assertEqual(models[0], models[2])
+
+    def test_arrays_that_make_no_data_set_are_refused_in_words(self):
+        cameras = [tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)] * 2
+        images = [np.full((3, 4, 3), 0.5)] * 2
+        named = tg.Dataset(images, cameras, names=["b", "a"], test_every=2)
+        self.assertEqual([(camera.name, camera.test) for camera in named.cameras], [("b", False), ("a", True)])
+        self.assertEqual(named.photograph(0)[0, 0].tolist(), [np.float32(128 / 255)] * 3)
+        self.assertEqual(len(tg.Dataset(np.full((2, 3, 4), 0.5), cameras, masks=[np.eye(3, 4) > 0, None],
+                                        points=[[0, 0, 0]], colors=np.full((1, 3), 255, np.uint8))), 2)
+        for kind, words, given in (
+                ("bad_data", "data set: cameras: wrong length (expected 1, found 2)", (images[:1], cameras)),
+                ("bad_data", "data set: image 0: no picture of its camera's size", (np.zeros((2, 4, 3)), cameras)),
+                ("usage", "image 1: expected an array of shape [height, width]", ([images[0], np.zeros(3)], cameras)),
+                ("usage", "image: 8 bits hold finite numbers alone (found nan", (np.full((2, 3, 4), np.nan), cameras))):
+            with self.subTest(words=words):
+                self.refused(kind, words, tg.Dataset, *given)
+        for kind, words, given in (
+                ("usage", "names: expected one a camera, 2, found 1", {"names": ["a"]}),
+                ("usage", "mask 0: expected an array of shape [height, width], found", {"masks": [images[0] > 0] * 2}),
+                ("bad_data", "data set: mask 0: hides every pixel", {"masks": [np.zeros((3, 4), bool), None]}),
+                ("usage", "points: expected an array of shape [P, 3]", {"points": np.zeros((3, 4))}),
+                ("bad_data", "colors: wrong length", {"points": np.zeros((3, 3)), "colors": np.zeros((2, 3))}),
+                ("usage", "--test-every: out of range", {"test_every": 1})):
+            with self.subTest(words=words):
+                self.refused(kind, words, tg.Dataset, images, cameras, **given)
+        for words, given in (("image 0: expected uint8", {"images": np.zeros((2, 3, 4), np.int64)}),
+                             ("mask 1: expected truths or uint8, found", {"masks": [None, np.ones((3, 4))]}),
+                             ("colors: expected uint8", {"points": [[0, 0, 0]], "colors": [[255, 0, 0]]})):
+            with self.subTest(words=words), self.assertRaisesRegex(TypeError, words):
+                tg.Dataset(**({"images": images, "cameras": cameras} | given))
+
     def test_a_data_set_tells_what_it_was_read_without(self):
         scene = self.folder / "scene"
         shutil.copytree(self.scene.name, scene)

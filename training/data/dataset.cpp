@@ -66,35 +66,6 @@ Camera downscaled(Camera camera, int factor) {
   return camera;
 }
 
-// What float cannot hold would train for hours to a model that cannot be written.
-void checkCamera(const fs::path& image, const Camera& camera) {
-  for (const double focal : {camera.focal.x, camera.focal.y}) {
-    if (!(focal >= kShortestFocal && focal <= kLongestFocal)) {
-      throw Error(ErrorKind::badData, image.string(),
-                  "focal length out of range (expected 0.001 to 1e9 pixels, found " + text(focal) + ")");
-    }
-  }
-  const glm::dvec3 position = camera.position();
-  for (const double value : {camera.center.x, camera.center.y, position.x, position.y, position.z}) {
-    if (!(std::abs(value) <= kFarthest)) {
-      throw Error(ErrorKind::badData, image.string(),
-                  "camera position or principal point out of range (expected -1e9 to 1e9, found " + text(value) + ")");
-    }
-  }
-}
-
-void checkPoints(const fs::path& folder, const PointCloud& points) {
-  for (std::size_t i = 0; i < points.position.size(); ++i) {
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!(std::abs(points.position[i][axis]) <= kFarthest)) {
-        throw Error(ErrorKind::badData, folder.string(),
-                    "point " + std::to_string(i) + " is out of range (expected -1e9 to 1e9, found " +
-                        text(points.position[i][axis]) + ")");
-      }
-    }
-  }
-}
-
 bool isFolder(const fs::path& path) {
   std::error_code ignored;
   return fs::is_directory(path, ignored);
@@ -202,7 +173,7 @@ Camera cameraOf(const DatasetIndex::Entry& entry, int width, int height) {
   } else if (camera.size != glm::ivec2(width, height)) {
     camera = resized(camera, width, height);
   }
-  checkCamera(entry.image, camera);
+  checkCamera(entry.image.string(), camera);
   return camera;
 }
 
@@ -459,6 +430,34 @@ std::string datasetNear(const fs::path& folder) {
   return hasCameras(above) ? named(above) : "";
 }
 
+void checkCamera(const std::string& what, const Camera& camera) {
+  for (const double focal : {camera.focal.x, camera.focal.y}) {
+    if (!(focal >= kShortestFocal && focal <= kLongestFocal)) {
+      throw Error(ErrorKind::badData, what,
+                  "focal length out of range (expected 0.001 to 1e9 pixels, found " + text(focal) + ")");
+    }
+  }
+  const glm::dvec3 position = camera.position();
+  for (const double value : {camera.center.x, camera.center.y, position.x, position.y, position.z}) {
+    if (!(std::abs(value) <= kFarthest)) {
+      throw Error(ErrorKind::badData, what,
+                  "camera position or principal point out of range (expected -1e9 to 1e9, found " + text(value) + ")");
+    }
+  }
+}
+
+void checkPoints(const std::string& what, const PointCloud& points) {
+  for (std::size_t i = 0; i < points.position.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!(std::abs(points.position[i][axis]) <= kFarthest)) {
+        throw Error(ErrorKind::badData, what,
+                    "point " + std::to_string(i) + " is out of range (expected -1e9 to 1e9, found " +
+                        text(points.position[i][axis]) + ")");
+      }
+    }
+  }
+}
+
 void checkDatasetOptions(const DatasetOptions& options) {
   if (options.downscale < 1 || options.downscale > kMaxDownscale) {
     throw Error(
@@ -523,7 +522,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
   if (dataset.normalized) {
     for (glm::vec3& point : dataset.points.position) point = glm::vec3(dataset.normalized->scale * glm::dvec3(point));
   }
-  checkPoints(options.points.value_or(place), dataset.points);
+  checkPoints(options.points.value_or(place).string(), dataset.points);
 
   std::string images = options.images;
   int downscale = options.downscale;

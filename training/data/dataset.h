@@ -88,6 +88,10 @@ Dataset loadDataset(const std::filesystem::path& place, const DatasetOptions& op
 bool hasCameras(const std::filesystem::path& folder);
 // " (did you mean PATH?)" where a folder has none and one below it, or the one above it, does; else "".
 std::string datasetNear(const std::filesystem::path& folder);
+// What float cannot hold would train for hours to a model that cannot be written. `what` begins messages. Throw
+// Error(badData).
+void checkCamera(const std::string& what, const Camera& camera);
+void checkPoints(const std::string& what, const PointCloud& points);
 // What loadDataset() refuses of the options without a look at the data set. Throws Error.
 void checkDatasetOptions(const DatasetOptions& options);
 

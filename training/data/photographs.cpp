@@ -121,10 +121,8 @@ Photograph decode(const PhotographSource& source) {
   Image image = readImage(source.image);
   // Of an EXR, before anything mixes pixels: one that is no number would spread.
   for (float& value : image.data) value = value > 0.0f ? std::min(value, 1.0f) : 0.0f;
-  Photograph photograph;
-  photograph.file_width = image.width;
-  photograph.file_height = image.height;
-  std::vector<std::uint8_t>& mask = photograph.pixels.mask;
+  const glm::ivec2 file_size(image.width, image.height);
+  std::vector<std::uint8_t> mask;
   const bool hides = !source.mask.empty() && source.mask_meaning == MaskMeaning::hidden;
   if (!source.mask.empty() && !hides) image = cutOut(image, readMask(source.mask, image.width, image.height, 1));
   if (source.undistortion) {
@@ -146,24 +144,9 @@ Photograph decode(const PhotographSource& source) {
   }
   if (source.downscale > 1) image = downsample(image, source.downscale);
 
-  ViewPixels& pixels = photograph.pixels;
-  pixels.width = image.width;
-  pixels.height = image.height;
-  const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
-  const std::size_t channels = static_cast<std::size_t>(image.channels);
-  pixels.rgb.resize(count * 3);
-  const bool transparent = channels == 4;
-  if (transparent && !source.background) photograph.alpha.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const float* from = image.data.data() + i * channels;
-    const float alpha = transparent ? from[3] : 1.0f;
-    for (int c = 0; c < 3; ++c) {
-      const float color = from[channels == 1 ? 0 : c];
-      pixels.rgb[i * 3 + c] =
-          quantize(transparent && source.background ? over(color, alpha, (*source.background)[c]) : color);
-    }
-    if (!photograph.alpha.empty()) photograph.alpha[i] = quantize(alpha);
-  }
+  Photograph photograph = photographOf(image, std::move(mask), source.background);
+  photograph.file_width = file_size.x;
+  photograph.file_height = file_size.y;
   return photograph;
 }
 
@@ -185,6 +168,30 @@ bool hidesAll(const PhotographSource& source) {
   const std::size_t shown = static_cast<std::size_t>(std::ranges::count(own, 255));
   if (shown == 0 || shown > own.size() / kSliver) return shown == 0;
   return hidesAll(decode(source).pixels.mask);
+}
+
+Photograph photographOf(const Image& image, std::vector<std::uint8_t> mask,
+                        const std::optional<glm::vec3>& background) {
+  Photograph photograph;
+  ViewPixels& pixels = photograph.pixels;
+  pixels.width = image.width;
+  pixels.height = image.height;
+  pixels.mask = std::move(mask);
+  const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
+  const std::size_t channels = static_cast<std::size_t>(image.channels);
+  pixels.rgb.resize(count * 3);
+  const bool transparent = channels == 4;
+  if (transparent && !background) photograph.alpha.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const float* from = image.data.data() + i * channels;
+    const float alpha = transparent ? from[3] : 1.0f;
+    for (int c = 0; c < 3; ++c) {
+      const float color = from[channels == 1 ? 0 : c];
+      pixels.rgb[i * 3 + c] = quantize(transparent && background ? over(color, alpha, (*background)[c]) : color);
+    }
+    if (!photograph.alpha.empty()) photograph.alpha[i] = quantize(alpha);
+  }
+  return photograph;
 }
 
 Photograph decodePhotograph(const PhotographSource& source) {

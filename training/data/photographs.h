@@ -38,6 +38,10 @@ struct Photograph {
   std::size_t bytes() const { return pixels.rgb.size() + pixels.mask.size() + alpha.size(); }
 };
 
+// What a picture of values in [0, 1] is in 8 bits, composited over `background`; without one alpha is kept. `mask`: as
+// that of ViewPixels.
+Photograph photographOf(const Image& image, std::vector<std::uint8_t> mask, const std::optional<glm::vec3>& background);
+
 // What a mask's 0 says of a pixel: it does not count; or it is background, which counts (the protocol of DTU).
 enum class MaskMeaning { hidden, background };
 constexpr auto namesOf(MaskMeaning) { return enumNames("hidden", "background"); }

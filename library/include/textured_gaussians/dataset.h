@@ -26,11 +26,30 @@ struct DatasetOptions {
   bool normalize = false;
 };
 
+// Photographs in memory, N of them, and P points.
+struct DatasetData {
+  std::vector<ByteImage> images;  // [N], of 1 channel, too
+  std::vector<Camera> cameras;    // [N], each of its image's size; their names are the photographs'
+  // [N] of 1 channel, each of its image's size or empty for none: where it is 0 the pixel is neither trained on nor
+  // scored. Or no mask at all.
+  std::vector<ByteImage> masks;
+  std::vector<float> points;  // [P, 3] [world units]; none: training starts from random ones
+  std::vector<float> colors;  // [P, 3] RGB from 0 to 1, of the points; or empty: grey
+  // RGB behind images of 4 channels; without one: black, and an evaluation goes over the model's (evaluate.h).
+  std::optional<std::array<float, 3>> background = {};
+  int test_every = 8;  // every n-th photograph by name is held out, where no camera is a Camera::test; 0: none; not 1
+};
+
 // Does not change: copies share its memory. One that was moved from is still the same.
 class Dataset {
  public:
   Dataset(const Dataset&) = default;
   Dataset& operator=(const Dataset&) = default;
+  // As of a folder with these photographs as PNGs: trainings and evaluations have the same bytes. Keeps 3 bytes a
+  // pixel, 4 more of an image of 4 channels and 1 of a mask. Throws Error(badData) naming the member, or the image by
+  // its place, whose length, size or numbers are wrong, also where none is to train on; Error(usage) for cameras that
+  // are none and values out of range.
+  explicit Dataset(DatasetData data);
   // A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder (docs/training.md), which is read from there later,
   // too, whatever the working folder is by then. Throws Error: cannotRead, badData, usage for options out of range.
   static Dataset load(const std::filesystem::path& folder, const DatasetOptions& options = {});

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures as floats.
+// Pictures as floats, and as bytes.
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <vector>
 
@@ -12,6 +13,18 @@ struct Image {
   int channels = 0;         // 1, 3 (RGB) or 4 (RGB and straight alpha)
   std::vector<float> data;  // [height, width, channels], top row first; colours as stored (sRGB), black 0, white 1
 };
+
+// The same in 8 bits a channel, 0 to 255.
+struct ByteImage {
+  int width = 0;                   // [px]
+  int height = 0;                  // [px]
+  int channels = 0;                // 1, 3 (RGB) or 4 (RGB and straight alpha)
+  std::vector<std::uint8_t> data;  // [height, width, channels], top row first
+};
+
+// Clamped to [0, 1] and rounded, as in a .png that writeImage() writes. Throws Error(usage) for numbers that are not
+// finite, and for data that is not as long as the shape says.
+ByteImage toBytes(const Image& image);
 
 // PNG, JPEG or EXR, told apart by their first bytes. A regular file. Throws Error: cannotRead, badData.
 Image readImage(const std::filesystem::path& path);
