@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/image/image.h"
+#include "core/system/lower_case.h"
 #include "library/access.h"
 
 namespace textured_gaussians {
@@ -60,6 +61,8 @@ void writeImage(const std::filesystem::path& path, const Image& image) {
   guarded([&] {
     requirePath(path);
     requireShape(image, path.string());
+    const std::string extension = tg::lowerExtension(path);
+    if (extension == ".png" || extension == ".jpg" || extension == ".jpeg") requireFinite(image, path.string());
     tg::Image copy;
     copy.width = image.width;
     copy.height = image.height;

@@ -578,7 +578,8 @@ opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands
         const py::gil_scoped_release release;
         writeImage(path, made);
       },
-      "path"_a, "image"_a, "By the extension: .png and .jpg (clamped to [0, 1], 8 bits) or .exr (half floats).");
+      "path"_a, "image"_a,
+      R"(By the extension: .png and .jpg (clamped to [0, 1], 8 bits; finite numbers alone) or .exr (half floats).)");
 }
 
 // As in any locale.

@@ -871,6 +871,14 @@ TEST_CASE("a picture that is none is not written") {
   image.data.push_back(1);
   writeImage(folder / "a.png", image);
   CHECK(readImage(folder / "a.png").data.back() == 1);
+  for (const float value : {NAN, INFINITY, -INFINITY}) {
+    image.data.back() = value;
+    for (const char* name : {"b.png", "b.JPG"}) {
+      CHECK_THAT(messageOf([&] { writeImage(folder / name, image); }, ErrorKind::usage),
+                 Contains(std::string(name) + ": 8 bits hold finite numbers alone (found "));
+      CHECK_FALSE(std::filesystem::exists(folder / name));
+    }
+  }
   image.data.back() = 1e5f;
   CHECK_THAT(messageOf([&] { writeImage(folder / "a.exr", image); }, ErrorKind::cannotWrite),
              Contains("a.exr: value does not fit a half float"));

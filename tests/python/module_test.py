@@ -243,6 +243,8 @@ class Pictures(Folder):
         with self.assertRaisesRegex(TypeError, "image: expected floats, black 0 and white 1, found uint8"):
             tg.write_image(self.folder / "a.png", np.full((2, 2, 3), 100, np.uint8))
         self.refused("cannot_write", "a.exr: ", tg.write_image, self.folder / "a.exr", np.full((2, 2), 1e5))
+        self.refused("usage", "a.jpg: 8 bits hold finite numbers alone (found inf at column 0, row 0)", tg.write_image,
+                     self.folder / "a.jpg", np.full((2, 2), np.inf))
         self.refused("usage", "found [2]", tg.write_image, self.folder / "a.png", np.zeros(2))
         self.refused("usage", "no picture", tg.write_image, self.folder / "a.png", np.zeros((2, 2, 7)))
 

@@ -30,7 +30,8 @@ ByteImage toBytes(const Image& image);
 Image readImage(const std::filesystem::path& path);
 // By the extension: .png (clamped to [0, 1], 8 bits), .jpg (the same, quality 95, without the alpha of 4 channels) or
 // .exr (half floats). A file that is there is replaced once the new one is complete. Throws Error: cannotWrite; usage
-// for another extension, and for data that is not as long as the shape says.
+// for another extension, for data that is not as long as the shape says, and for numbers that are not finite where 8
+// bits are to hold them.
 void writeImage(const std::filesystem::path& path, const Image& image);
 
 }  // namespace textured_gaussians
