@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/system/nearest_name.h"
+#include "core/system/shortened.h"
 #include "library/access.h"
 #include "training/run/trainer.h"
 #include "training/score/trained_on.h"
@@ -19,7 +20,53 @@
 namespace textured_gaussians {
 namespace {
 
+// Flags of tgtrain that are no settings, and what has them here.
+struct OtherFlag {
+  const char* name;
+  const char* place;
+};
+constexpr const char* kOfDataset = "is an option of the data set, as it is loaded";
+constexpr const char* kOfProgram = "is tgtrain's alone";
+constexpr OtherFlag kOtherFlags[] = {
+    {"start-model", "is no setting: give the model itself, loaded, as start"},
+    {"preset", "is no setting, but an argument of its own"},
+    {"threads", "is set for all that the library does, by setThreads() (Python: set_threads)"},
+    {"downscale", kOfDataset},
+    {"background", kOfDataset},
+    {"test-every", kOfDataset},
+    {"normalize", kOfDataset},
+    {"output", kOfProgram},
+    {"target-size", kOfProgram},
+    {"steps", kOfProgram},
+    {"untextured-output", kOfProgram},
+    {"json", kOfProgram},
+    {"reproducible", kOfProgram},
+    {"overwrite", kOfProgram},
+    {"quiet", kOfProgram},
+    {"layout", kOfProgram},
+    {"validation", kOfProgram},
+    {"masks", kOfProgram},
+    {"image-folder", kOfProgram},
+    {"image-memory", kOfProgram},
+    {"points", kOfProgram},
+    {"config", kOfProgram},
+    {"print-config", kOfProgram},
+    {"context", kOfProgram},
+    {"device", kOfProgram},
+    {"run", kOfProgram},
+    {"resume", kOfProgram},
+    {"checkpoint-every", kOfProgram},
+    {"metrics-every", kOfProgram},
+    {"eval-every", kOfProgram},
+    {"preview-every", kOfProgram},
+    {"watch", kOfProgram},
+    {"serve", kOfProgram},
+    {"serve-token", kOfProgram},
+};
+
 [[noreturn]] void refuseUnknown(const std::string& name) {
+  const auto other = std::ranges::find(kOtherFlags, name, &OtherFlag::name);
+  if (other != std::end(kOtherFlags)) throw tg::Error(tg::ErrorKind::usage, name, other->place);
   std::vector<std::string> names;
   for (const tg::SettingEntry& entry : tg::settingEntries()) names.push_back(entry.name);
   const std::string near = tg::nearestName(name, names);
@@ -47,6 +94,11 @@ tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Mo
   for (const auto& [name, value] : named) {
     const auto entry = std::ranges::find(tg::settingEntries(), name, &tg::SettingEntry::name);
     if (entry == tg::settingEntries().end()) refuseUnknown(name);
+    if (name == "start" && !tg::parse<tg::Start>(value)) {
+      throw tg::Error(tg::ErrorKind::usage, name,
+                      "expected " + tg::allNames<tg::Start>(", ") + " or a model that is loaded, found '" +
+                          tg::shortened(value) + "'");
+    }
     entry->set(settings, value);
   }
   // As tgtrain has it: what is named goes over what the preset or the start model says.

@@ -680,8 +680,9 @@ or far from the origin; a line of warnings says how a model is brought back.)")
              return std::make_unique<Trainer>(dataset, options, model);
            }),
            "dataset"_a, "preset"_a = "default", "start"_a = py::none(), R"(preset, and over it settings by the names of
-tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from, or
-tgtrain's setting of this name, as "random". Texts may be str, bytes and os.PathLike, as paths are.)")
+tgtrain's flags, with _ for -: Trainer(dataset, iterations=7000, texture_size=4). start: a model to go on from, as
+Model.load() or another training gives it, or tgtrain's setting of this name, "points" or "random". Texts may be str,
+bytes and os.PathLike, as paths are.)")
       .def("step", &Trainer::step, py::call_guard<py::gil_scoped_release>(),
            "One iteration; False: there was none left.")
       .def_property_readonly("progress", py::cpp_function(&Trainer::progress, py::call_guard<py::gil_scoped_release>()),

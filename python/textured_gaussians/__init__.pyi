@@ -200,7 +200,7 @@ class Trainer:
         self,
         dataset: Dataset,
         preset: str = ...,
-        start: Union[Model, _Path, None] = ...,
+        start: Union[Model, Literal["points", "random"], None] = ...,
         **settings: Union[_Path, int, float, bool, np.generic],
     ) -> None: ...
     def step(self) -> bool: ...

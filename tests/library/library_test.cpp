@@ -390,6 +390,13 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   CHECK(refused({.settings = {{"--iterations", "3"}, {"iterations", "4"}}}) == "iterations: is given twice");
   CHECK(refused({.settings = {{"--iteration", "30"}}}) == "iteration: no such setting (did you mean iterations?)");
   CHECK(refused({.settings = {{"--", "30"}}}).find("\"\": no such setting (") == 0);
+  CHECK(refused({.settings = {{"start", "model.tgz"}}}) ==
+        "start: expected points, random or a model that is loaded, found 'model.tgz'");
+  CHECK(refused({.settings = {{"--start-model", "model.tgz"}}}) ==
+        "start-model: is no setting: give the model itself, loaded, as start");
+  CHECK(refused({.settings = {{"downscale", "2"}}}) ==
+        "downscale: is an option of the data set, as it is loaded");
+  CHECK(refused({.settings = {{"run", "folder"}}}) == "run: is tgtrain's alone");
   CHECK_THAT(refused({.preset = "best"}), Contains("best"));
   // The preset's limit gives way to the share that is named.
   CHECK_NOTHROW(Trainer(dataset, {.preset = "quick", .settings = {{"percent", "50"}, {"default-gaussians", "100"}}}));

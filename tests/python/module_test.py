@@ -9,6 +9,7 @@ import inspect
 import os
 import pathlib
 import pickle
+import re
 import shutil
 import signal
 import subprocess
@@ -438,6 +439,19 @@ class Training(Folder):
         dataset = tg.Dataset.load(self.scene.name)
         self.refused("usage", "iteration: no such setting", tg.Trainer, dataset, iteration=3)
         self.refused("usage", "iterations", tg.Trainer, dataset, iterations="many")
+        self.refused("usage", "threads: is set for all that the library does", tg.Trainer, dataset, threads=2)
+        self.refused("usage", "start: expected points, random or a model that is loaded", tg.Trainer, dataset,
+                     start=self.folder / "model.tgz")
+        flags = set(re.findall(r"^ +(?:-\w,\s*)?--([a-z0-9-]+)",
+                               subprocess.run([MAKE_SAMPLE[0], "--help"], capture_output=True, text=True).stdout, re.M))
+        flags -= {"preset", "help", "version", "completion", "man"}
+        self.assertGreater(len(flags), 60)
+        for flag in flags:  # a setting, or told where it is
+            with self.subTest(flag=flag):
+                try:
+                    tg.Trainer(dataset, **{flag: "?"})
+                except tg.Error as error:
+                    self.assertNotIn("no such setting", str(error))
         name = os.fsdecode(b"n\xf6me")
         self.refused("usage", name, tg.Trainer, dataset, iterations=name)
         self.refused("usage", name, tg.Trainer, dataset, start=name)

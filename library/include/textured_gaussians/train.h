@@ -15,6 +15,7 @@ namespace textured_gaussians {
 
 // A preset and, over it, settings by name, with the values that tgtrain's flags take: {{"iterations", "7000"},
 // {"texture-size", "4"}}, with or without the flags' dashes, which messages have. docs/training.md lists both.
+// Other flags of tgtrain are none: messages say what has them here.
 struct TrainOptions {
   std::string preset = "default";
   std::map<std::string, std::string> settings = {};
