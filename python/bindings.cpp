@@ -766,7 +766,7 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
       "convert",
       [](const std::filesystem::path& input, const std::filesystem::path& output, bool overwrite, bool quantize,
          bool meshopt, bool measure, std::optional<float> steps,
-         const std::vector<std::pair<std::string, ValueText>>& edits, std::optional<std::uint64_t> target_size,
+         const std::vector<std::pair<std::string, py::object>>& edits, std::optional<std::uint64_t> target_size,
          std::optional<double> target_psnr, std::optional<float> texture_step, bool cameras,
          const std::vector<Camera>& views, bool base_only, bool lean, const std::optional<std::string>& atlas,
          std::optional<int> spz_version, const std::optional<std::string>& spz_axes,
@@ -790,7 +790,7 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
                                .viewer = viewer,
                                .viewer_aim = viewer_aim,
                                .dry_run = dry_run};
-        for (const auto& [name, value] : edits) options.edits.emplace_back(name, fileNameFrom(value));
+        for (const auto& [name, value] : edits) options.edits.emplace_back(name, settingText(value));
         const py::gil_scoped_release release;
         return convert(input, output, options);
       },
@@ -804,15 +804,15 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
 overwrite: a file that is there. quantize, meshopt: .glb, .gltf and .html with integers, and compressed by
 EXT_meshopt_compression. measure: --psnr, draw both models and compare. steps: of .sog, .glb, .gltf and .html, how many
 times as wide as usual the steps of all numbers are, 1/8 to 64. edits: names and values of flags, in this order:
-[("scale", "2"), ("upright", "")], values as paths: str, bytes or os.PathLike. target_size, target_psnr: instead of
-steps, the finest with which the file has at most this size [bytes], or the coarsest with which pictures come so near to
-the source's [dB], 1 to 100. texture_step: between a texture's colours, 1/1024 to 1/2. cameras: False leaves cameras and
-named views out. views: named views of .glb, .gltf and .html in place of the source's. base_only: of a .glb, .gltf,
-.html, .sog, lod-meta or tileset that is read, without its textures. lean: .glb and .gltf without the numbers that only
-bring a .ply back bit by bit. atlas: texels of .glb, .gltf, .html and .png as "png8", "png16", "exr" or "webp".
-spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim, what
-viewers without textures show looks right in this one, as "three". dry_run: find out how large the file would be and
-write nothing.)");
+[("scale", 2), ("upright", "")], values as settings: numbers, and str, bytes or os.PathLike. target_size, target_psnr:
+instead of steps, the finest with which the file has at most this size [bytes], or the coarsest with which pictures come
+so near to the source's [dB], 1 to 100. texture_step: between a texture's colours, 1/1024 to 1/2. cameras: False leaves
+cameras and named views out. views: named views of .glb, .gltf and .html in place of the source's. base_only: of a .glb,
+.gltf, .html, .sog, lod-meta or tileset that is read, without its textures. lean: .glb and .gltf without the numbers
+that only bring a .ply back bit by bit. atlas: texels of .glb, .gltf, .html and .png as "png8", "png16", "exr" or
+"webp". spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim,
+what viewers without textures show looks right in this one, as "three". dry_run: find out how large the file would be
+and write nothing.)");
 }
 
 }  // namespace

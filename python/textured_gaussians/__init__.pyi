@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 _Path = Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"]
+_Value = Union[_Path, int, float, np.generic]
 _Vector = Union[Sequence[float], npt.NDArray[np.floating], npt.NDArray[np.integer]]
 _Color = _Vector
 _TextureMode = Literal["none", "alpha", "rgb", "rgba"]
@@ -201,7 +202,7 @@ class Trainer:
         dataset: Dataset,
         preset: str = ...,
         start: Union[Model, Literal["points", "random"], None] = ...,
-        **settings: Union[_Path, int, float, bool, np.generic],
+        **settings: Union[_Value, bool],
     ) -> None: ...
     def step(self) -> bool: ...
     @property
@@ -270,7 +271,7 @@ def convert(
     meshopt: bool = ...,
     measure: bool = ...,
     steps: Optional[float] = ...,
-    edits: Sequence[Tuple[str, _Path]] = ...,
+    edits: Sequence[Tuple[str, _Value]] = ...,
     target_size: Optional[int] = ...,
     target_psnr: Optional[float] = ...,
     texture_step: Optional[float] = ...,

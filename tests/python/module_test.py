@@ -164,7 +164,16 @@ class Models(Folder):
         self.refused("usage", name, tg.convert, SAMPLE, self.folder / "c.ply", edits=[("scale", name)])
         self.refused("usage", "merge: a name holds a NUL byte", tg.convert, SAMPLE, self.folder / "c.ply",
                      edits=[("merge", b"a\0b")])
-        self.assertRaises(TypeError, tg.convert, SAMPLE, self.folder / "c.ply", edits=[("scale", 2)])
+
+    def test_edits_take_numbers_as_settings_do(self):
+        files = []
+        for name, values in {"a.ply": ("2.5", "100"), "b.ply": (2.5, 100),
+                             "c.ply": (np.float32(2.5), np.int64(100))}.items():
+            tg.convert(SAMPLE, self.folder / name, edits=list(zip(("scale", "decimate"), values)))
+            files.append((self.folder / name).read_bytes())
+        self.assertEqual(files, files[:1] * 3)
+        self.refused("usage", "upright: takes no value", tg.convert, SAMPLE, self.folder / "d.ply",
+                     edits=[("upright", 1)])
 
 
 class Raising:
