@@ -324,6 +324,24 @@ Model makeModel(const ArrayLike& means, const ArrayLike& rotations, const ArrayL
   return Model(data);
 }
 
+py::tuple modelState(const py::object& model) {
+  const bool textured = model.cast<const Model&>().textureMode() != TextureMode::none;
+  const auto texture = [&](const char* name) { return textured ? py::object(model.attr(name)) : py::none(); };
+  return py::make_tuple(model.attr("means"), model.attr("rotations"), model.attr("log_scales"),
+                        model.attr("opacity_logits"), model.attr("sh"), model.attr("texture_mode"),
+                        texture("texture_rects"), texture("texels"), model.attr("background"), model.attr("cameras"),
+                        model.attr("intersection"), model.attr("outside"));
+}
+
+Model modelFrom(const py::tuple& state) {
+  if (state.size() != 12) refuse("model: expected a state of 12 values, found " + std::to_string(state.size()));
+  const auto array = [&](std::size_t i) { return py::reinterpret_borrow<ArrayLike>(state[i]); };
+  const auto texture = [&](std::size_t i) { return state[i].is_none() ? std::nullopt : std::optional(array(i)); };
+  return makeModel(array(0), array(1), array(2), array(3), array(4), state[5].cast<std::string>(), texture(6),
+                   texture(7), state[8].cast<std::array<float, 3>>(), state[9].cast<std::vector<Camera>>(),
+                   state[10].cast<std::string>(), state[11].cast<std::string>());
+}
+
 py::ssize_t gaussians(const Model& model) { return static_cast<py::ssize_t>(model.size()); }
 
 // A view of a model's numbers, one row a Gaussian.
@@ -464,6 +482,9 @@ Gaussian: "plane" or "max_response"; outside, what is drawn of a textured Gaussi
           "path"_a, R"(In the format of the extension. A file that is there is replaced once the new one is complete.
 
 Returns what the format does not hold, a line each.)")
+      .def("__copy__", [](const py::object& self) { return self; })
+      .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
+      .def(py::pickle(&modelState, &modelFrom))
       .def("__len__", &Model::size)
       .def("__repr__",
            [](const Model& model) {

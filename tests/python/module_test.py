@@ -134,6 +134,22 @@ class Models(Folder):
                              "texture_rects: without texels": rects | {"texture_mode": "rgba"}}.items():
             self.refused("bad_data", words, tg.Model, **good, **given)
 
+    def test_models_are_copied_and_pickled(self):
+        model = tg.Model.load(SAMPLE)
+        self.assertIs(copy.copy(model), model)
+        self.assertIs(copy.deepcopy([model])[0], model)
+        texels = model.texels * np.float32(0.3) + np.float32(0.1)  # that a file would round
+        exact = tg.Model(model.means, model.rotations, model.log_scales, model.opacity_logits, model.sh,
+                         texture_mode="rgb", texture_rects=model.texture_rects, texels=texels, cameras=model.cameras,
+                         background=(0.1, 0.2, 0.3), intersection="plane", outside="clip")
+        plain = tg.Model([[1, 2, 3]], [[1, 0, 0, 0]], [[0, 0, 0]], [1], [[[1, 1, 1]]])
+        for given in exact, plain:
+            again = pickle.loads(pickle.dumps(given))
+            for name in ("means", "rotations", "log_scales", "opacity_logits", "sh", "texture_rects", "texels"):
+                self.assertTrue(np.array_equal(getattr(again, name), getattr(given, name)), name)
+            for name in ("texture_mode", "background", "cameras", "intersection", "outside", "sh_degree"):
+                self.assertEqual(getattr(again, name), getattr(given, name), name)
+
     def test_files_that_are_none_are_refused_with_their_kind(self):
         self.refused("cannot_read", "none.tgz", tg.Model.load, self.folder / "none.tgz")
         self.refused("cannot_read", os.fsdecode(b"n\xf6ne.tgz"), tg.Model.load, os.fsdecode(b"n\xf6ne.tgz"))
