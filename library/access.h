@@ -58,6 +58,12 @@ decltype(auto) guarded(const Body& body) {
 // Throws tg::Error(usage), of `what`, for a path that no file has, and for one of which the system sees a part.
 inline void requirePath(const std::filesystem::path& path, const std::string& what = "path") {
   if (path.empty()) throw tg::Error(tg::ErrorKind::usage, what, "an empty file name");
+  constexpr std::size_t longest = 4095;  // that the system takes
+  if (path.native().size() > longest) {
+    throw tg::Error(tg::ErrorKind::usage, what,
+                    "a name of " + std::to_string(path.native().size()) + " bytes (expected at most " +
+                        std::to_string(longest) + ")");
+  }
   if (path.native().find('\0') != std::string::npos) {
     throw tg::Error(tg::ErrorKind::usage, what, "a name holds a NUL byte");
   }

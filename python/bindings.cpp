@@ -3,12 +3,12 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
-#include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <span>
@@ -32,6 +32,11 @@ class ArrayLike : public py::object {
   PYBIND11_OBJECT_DEFAULT(ArrayLike, object, isThere)
 };
 
+// An argument that pathFrom() takes.
+class PathLike : public py::object {
+  PYBIND11_OBJECT_DEFAULT(PathLike, object, isThere)
+};
+
 // A value that may name a file, as paths do.
 bool isValueText(PyObject* object) {
   return isThere(object) &&
@@ -47,6 +52,10 @@ class ValueText : public py::object {
 template <>
 struct py::detail::handle_type_name<ArrayLike> {
   static constexpr auto name = const_name("numpy.typing.ArrayLike");
+};
+template <>
+struct py::detail::handle_type_name<PathLike> {
+  static constexpr auto name = const_name("str | bytes | os.PathLike");
 };
 template <>
 struct py::detail::handle_type_name<ValueText> {
@@ -77,6 +86,14 @@ std::string fileNameFrom(const ValueText& value) {
   if (!text) throw py::error_already_set();
   if (py::isinstance<py::bytes>(text)) return py::reinterpret_borrow<py::bytes>(text);
   return fileNameFrom(py::reinterpret_borrow<py::str>(text));
+}
+// Throws TypeError, which names the argument, also for what a file holds in place of its name.
+std::filesystem::path pathFrom(const PathLike& given, const std::string& argument) {
+  const bool text = py::isinstance<ValueText>(given);
+  const std::string name = text ? fileNameFrom(py::reinterpret_borrow<ValueText>(given)) : "";
+  if (text && !(py::isinstance<py::bytes>(given) && name.find('\0') != std::string::npos)) return name;
+  throw py::type_error(argument + ": expected a file's name, found " +
+                       std::string(py::str(py::type::of(given).attr("__name__"))));
 }
 py::str fileNameOf(const std::string& name) {
   return py::reinterpret_steal<py::str>(PyUnicode_DecodeFSDefaultAndSize(name.data(), py::ssize_t(name.size())));
@@ -469,11 +486,18 @@ texels[offset + j * width + i]; texels [T, 4] RGB, added to the base colour, and
 RGB that it was trained against; cameras of the photographs that it was trained on; intersection, where a ray meets a
 Gaussian: "plane" or "max_response"; outside, what is drawn of a textured Gaussian beyond +-3 sigma: "base", "clip" or
 "edge".)")
-      .def_static("load", &Model::load, "path"_a, py::call_guard<py::gil_scoped_release>(),
-                  "From any file that tgconvert reads (docs/formats.md), such as a .tgz, .glb, .ply or .spz.")
+      .def_static(
+          "load",
+          [](const PathLike& given) {
+            const std::filesystem::path path = pathFrom(given, "path");
+            const py::gil_scoped_release release;
+            return Model::load(path);
+          },
+          "path"_a, "From any file that tgconvert reads (docs/formats.md), such as a .tgz, .glb, .ply or .spz.")
       .def(
           "save",
-          [](const Model& model, const std::filesystem::path& path) {
+          [](const Model& model, const PathLike& given) {
+            const std::filesystem::path path = pathFrom(given, "path");
             return linesOf([&] {
               const py::gil_scoped_release release;
               return model.save(path);
@@ -575,7 +599,8 @@ opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands
       "machine has. Results do not depend on it.");
   module.def(
       "read_image",
-      [](const std::filesystem::path& path) {
+      [](const PathLike& given) {
+        const std::filesystem::path path = pathFrom(given, "path");
         return arrayOf([&] {
           const py::gil_scoped_release release;
           return readImage(path);
@@ -584,7 +609,8 @@ opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands
       "path"_a, "PNG, JPEG or EXR as float32 [height, width, 3 or 4], grey as [height, width]; black 0, white 1.");
   module.def(
       "write_image",
-      [](const std::filesystem::path& path, const py::array& given) {
+      [](const PathLike& named, const ArrayLike& given) {
+        const std::filesystem::path path = pathFrom(named, "path");
         const auto image = arrayFrom<float>(
             given, "f", "image: expected floats, black 0 and white 1");  // 8 bits would be clamped to white
         if (image.ndim() != 2 && image.ndim() != 3) {
@@ -633,11 +659,14 @@ scored. background: RGB behind images of 4 channels; None: black, and an evaluat
 every n-th photograph by name is held out where no camera is; 0: none.)")
       .def_static(
           "load",
-          [](const std::filesystem::path& folder, int downscale, const std::optional<std::array<float, 3>>& background,
-             int test_every,
-             bool normalize) { return Dataset::load(folder, {downscale, background, test_every, normalize}); },
+          [](const PathLike& given, int downscale, const std::optional<std::array<float, 3>>& background,
+             int test_every, bool normalize) {
+            const std::filesystem::path folder = pathFrom(given, "folder");
+            const py::gil_scoped_release release;
+            return Dataset::load(folder, {downscale, background, test_every, normalize});
+          },
           "folder"_a, py::kw_only(), "downscale"_a = 1, "background"_a = py::none(), "test_every"_a = 8,
-          "normalize"_a = false, py::call_guard<py::gil_scoped_release>(),
+          "normalize"_a = false,
           R"(A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder.
 
 downscale: whole number. background: RGB behind transparent photographs; None: the data set's own, else white for
@@ -785,13 +814,13 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
           "What the format does not hold, a line each.");
   module.def(
       "convert",
-      [](const std::filesystem::path& input, const std::filesystem::path& output, bool overwrite, bool quantize,
-         bool meshopt, bool measure, std::optional<float> steps,
-         const std::vector<std::pair<std::string, py::object>>& edits, std::optional<std::uint64_t> target_size,
-         std::optional<double> target_psnr, std::optional<float> texture_step, bool cameras,
-         const std::vector<Camera>& views, bool base_only, bool lean, const std::optional<std::string>& atlas,
-         std::optional<int> spz_version, const std::optional<std::string>& spz_axes,
-         const std::optional<std::string>& viewer, const std::optional<std::string>& viewer_aim, bool dry_run) {
+      [](const PathLike& input, const PathLike& output, bool overwrite, bool quantize, bool meshopt, bool measure,
+         std::optional<float> steps, const std::vector<std::pair<std::string, py::object>>& edits,
+         std::optional<std::uint64_t> target_size, std::optional<double> target_psnr, std::optional<float> texture_step,
+         bool cameras, const std::vector<Camera>& views, bool base_only, bool lean,
+         const std::optional<std::string>& atlas, std::optional<int> spz_version,
+         const std::optional<std::string>& spz_axes, const std::optional<std::string>& viewer,
+         const std::optional<std::string>& viewer_aim, bool dry_run) {
         ConvertOptions options{.overwrite = overwrite,
                                .quantize = quantize,
                                .meshopt = meshopt,
@@ -812,8 +841,9 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
                                .viewer_aim = viewer_aim,
                                .dry_run = dry_run};
         for (const auto& [name, value] : edits) options.edits.emplace_back(name, settingText(value));
+        const std::filesystem::path from = pathFrom(input, "input"), to = pathFrom(output, "output");
         const py::gil_scoped_release release;
-        return convert(input, output, options);
+        return convert(from, to, options);
       },
       "input"_a, "output"_a, py::kw_only(), "overwrite"_a = false, "quantize"_a = false, "meshopt"_a = false,
       "measure"_a = false, "steps"_a = py::none(), "edits"_a = py::list(), "target_size"_a = py::none(),

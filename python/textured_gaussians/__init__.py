@@ -6,7 +6,11 @@
     model = tg.Model.load("model.tgz")
     picture = tg.Renderer(model).render(model.cameras[0])  # float32 [height, width, 3]
 """
-from ._core import (
+from . import _core, _refusals
+
+_refusals.shorten(_core)
+
+from ._core import (  # noqa: E402
     Camera,
     ConvertReport,
     Dataset,

@@ -243,7 +243,8 @@ TEST_CASE("a path that names no file is refused by every function that takes one
   const std::filesystem::path good = folder / "good.png";
   for (const auto& [path, message] : {std::pair<std::filesystem::path, std::string>{folder / std::string("a\0b.tgz", 7),
                                                                                     "path: a name holds a NUL byte"},
-                                      {{}, "path: an empty file name"}}) {
+                                      {{}, "path: an empty file name"},
+                                      {std::string(5000, 'a'), "path: a name of 5000 bytes (expected at most 4095)"}}) {
     const auto refused = [](const auto& step) { return messageOf(step, ErrorKind::usage); };
     CHECK(refused([&] { model.save(path); }) == message);
     CHECK(refused([&] { Model::load(path); }) == message);

@@ -192,6 +192,44 @@ class Models(Folder):
                      edits=[("upright", 1)])
 
 
+class Refusals(Folder):
+    def test_arguments_of_wrong_types_are_named_and_not_printed(self):
+        content = pathlib.Path(SAMPLE).read_bytes()
+        many, camera = np.zeros(100000), tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        renderer = tg.Renderer(tg.Model.load(SAMPLE))
+        for end, call, given, named in (
+                ("Found: bytes", tg.Renderer, (content,), {}),
+                ("Found: nothing", tg.Model, (), {}),
+                ("Found: ndarray, size=bytes", renderer.render, (many,), {"size": content}),
+                ("Found: Camera, max_sh_degree=str", renderer.render, (camera,), {"max_sh_degree": "x" * 100000}),
+                ("Found: bytes, ndarray", tg.evaluate, (content, many), {}),
+                ("Found: list", tg.set_threads, ([0] * 100000,), {}),
+                ("Found: " + "int, " * 20 + "...", tg.set_threads, range(10000), {}),
+                ("Found: str, downscale=str", tg.Dataset.load, ("scene",), {"downscale": "2"})):
+            with self.subTest(end=end), self.assertRaises(TypeError) as caught:
+                call(*given, **named)
+            said = str(caught.exception)
+            self.assertTrue(said.endswith("\n" + end), said[-200:])
+            self.assertIn("The following argument types are supported:\n    1. ", said)
+            self.assertLess(len(said), 3000)
+
+    def test_what_names_no_file_is_refused_by_its_type(self):
+        content, picture = pathlib.Path(SAMPLE).read_bytes(), np.zeros((2, 2))
+        for words, call, given in (
+                ("path: expected a file's name, found bytes", tg.Model.load, (content,)),
+                ("path: expected a file's name, found int", tg.Model.load, (3,)),
+                ("path: expected a file's name, found NoneType", tg.Model.load(SAMPLE).save, (None,)),
+                ("path: expected a file's name, found ndarray", tg.read_image, (picture,)),
+                ("path: expected a file's name, found ndarray", tg.write_image, (picture, picture)),
+                ("folder: expected a file's name, found list", tg.Dataset.load, (["scene"],)),
+                ("input: expected a file's name, found Model", tg.convert, (tg.Model.load(SAMPLE), "a.ply")),
+                ("output: expected a file's name, found float", tg.convert, (SAMPLE, 2.0))):
+            with self.subTest(words=words, call=call), self.assertRaises(TypeError) as caught:
+                call(*given)
+            self.assertEqual(str(caught.exception), words)
+        self.refused("usage", "path: a name of 100000 bytes", tg.Model.load, "x" * 100000)
+
+
 class Raising:
     """Is no array."""
 
