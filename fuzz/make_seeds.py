@@ -204,7 +204,7 @@ class Seeds:
             for kind, options in {"jpg": [], "grey.jpg": ["-pix_fmt", "gray"], "webp": ["-pix_fmt", "yuv420p"]}.items():
                 call("ffmpeg", "-y", "-i", png, *options, "-frames:v", 1, work / f"photo.{kind}")
                 self.add("photograph", kind, (work / f"photo.{kind}").read_bytes())
-            for kind in ("jpg", "grey.jpg"):
+            for kind in ("jpg", "grey.jpg", "webp"):
                 self.add("image", kind, (work / f"photo.{kind}").read_bytes())
             for k, order in enumerate("<>"):
                 self.add("photograph", f"exif{k}", with_exif((work / "photo.jpg").read_bytes(), order))

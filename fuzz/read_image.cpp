@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes are a PNG, JPEG or EXR picture, or an Error.
+// Any bytes are a PNG, JPEG, WebP or EXR picture, or an Error.
 #include <cstdlib>
 
 #include "core/image/image.h"

@@ -606,7 +606,8 @@ opacity_scale: 0 or above, on every opacity. max_sh_degree: 0 to 3, higher bands
           return readImage(path);
         }());
       },
-      "path"_a, "PNG, JPEG or EXR as float32 [height, width, 3 or 4], grey as [height, width]; black 0, white 1.");
+      "path"_a,
+      "PNG, JPEG, WebP or EXR as float32 [height, width, 3 or 4], grey as [height, width]; black 0, white 1.");
   module.def(
       "write_image",
       [](const PathLike& named, const ArrayLike& given) {

@@ -17,6 +17,8 @@ void checkImageSize(std::int64_t width, std::int64_t height, std::int64_t bytes_
 
 Image decodePng(std::span<const std::uint8_t> bytes, const std::string& path);
 Image decodeJpeg(std::span<const std::uint8_t> bytes, const std::string& path);
+// 3 channels, or 4 where the file says that it has alpha. Of an animation: Error(badData).
+Image decodeWebpPicture(std::span<const std::uint8_t> bytes, const std::string& path);
 // Throws Error(cannotWrite), as encodeExrPicture does. `drawn`: with the mark of core/image/drawn.h.
 std::vector<std::uint8_t> encodeJpeg(const Image& image, int quality, bool drawn, const std::string& path);
 

@@ -56,7 +56,7 @@ void checkImageSize(std::int64_t width, std::int64_t height, std::int64_t bytes_
 
 namespace {
 
-constexpr std::size_t kMagicBytes = 4;
+constexpr std::size_t kMagicBytes = 12;
 using DecodeFile = Image (*)(std::span<const std::uint8_t> bytes, const std::string& path);
 
 // By the first kMagicBytes of a file.
@@ -64,7 +64,11 @@ DecodeFile decoderOf(std::span<const std::uint8_t> bytes, const std::string& pat
   if (startsWith(bytes, {0x89, 'P', 'N', 'G'})) return decodePng;
   if (startsWith(bytes, {0xff, 0xd8, 0xff})) return decodeJpeg;
   if (startsWith(bytes, {0x76, 0x2f, 0x31, 0x01})) return decodeExrPicture;
-  throw Error(ErrorKind::badData, path, "unknown image format (expected PNG, JPEG or EXR)");
+  const bool riff = startsWith(bytes, {'R', 'I', 'F', 'F'});  // four bytes of length follow
+  if (riff && bytes.size() >= kMagicBytes && startsWith(bytes.subspan(8), {'W', 'E', 'B', 'P'})) {
+    return decodeWebpPicture;
+  }
+  throw Error(ErrorKind::badData, path, "unknown image format (expected PNG, JPEG, WebP or EXR)");
 }
 
 }  // namespace

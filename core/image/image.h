@@ -31,7 +31,7 @@ inline bool hasImageShape(const Image& image) {
 
 constexpr std::int64_t kMaxImagePixels = std::int64_t{1} << 28;  // larger headers are refused before any allocation
 
-// PNG, JPEG or EXR, told apart by their first bytes. Grey becomes 1 channel, palettes and 16 bit are converted.
+// PNG, JPEG, WebP or EXR, told apart by their first bytes. Grey becomes 1 channel, palettes and 16 bit are converted.
 // Throws Error(cannotRead / badData), also for what is no regular file.
 Image readImage(const std::filesystem::path& path);
 Image decodeImage(std::span<const std::uint8_t> bytes, const std::string& path);

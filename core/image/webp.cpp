@@ -31,7 +31,7 @@ WebpHeader readWebpHeader(std::span<const std::uint8_t> bytes, const std::string
   }
   if (features.has_animation) throw Error(ErrorKind::badData, path, "an animated WebP (expected a single picture)");
   constexpr int lossless = 2;  // 0 is unknown or mixed, 1 lossy
-  return {features.width, features.height, features.format == lossless};
+  return {features.width, features.height, features.format == lossless, features.has_alpha != 0};
 }
 
 BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& path, std::size_t expected) {
@@ -44,6 +44,19 @@ BytePixels decodeWebp(std::span<const std::uint8_t> bytes, const std::string& pa
     throw Error(ErrorKind::badData, path, "broken WebP file");
   }
   return pixels;
+}
+
+Image decodeWebpPicture(std::span<const std::uint8_t> bytes, const std::string& path) {
+  const bool alpha = readWebpHeader(bytes, path).alpha;
+  const BytePixels pixels = decodeWebp(bytes, path);
+  Image image(pixels.width, pixels.height, alpha ? 4 : 3);
+  const std::size_t channels = static_cast<std::size_t>(image.channels);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    for (std::size_t c = 0; c < channels; ++c) {
+      image.data[channels * i + c] = static_cast<float>(pixels.data[4 * i + c]) / 255.0f;
+    }
+  }
+  return image;
 }
 
 std::vector<std::uint8_t> encodeWebp(const BytePixels& pixels) {

@@ -24,6 +24,7 @@ struct WebpHeader {
   int width = 0;  // [pixels]
   int height = 0;
   bool lossless = false;
+  bool alpha = false;  // false: every pixel is opaque
 };
 // Reads the header alone: what a decoder would allocate by. Throws Error(badData): no WebP, an animation.
 WebpHeader readWebpHeader(std::span<const std::uint8_t> bytes, const std::string& path);

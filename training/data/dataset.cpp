@@ -226,7 +226,8 @@ void noteWithoutCamera(const fs::path& images, const std::string& name, const Da
   std::error_code reason;
   for (fs::recursive_directory_iterator file(images, reason), end; !reason && file != end; file.increment(reason)) {
     const std::string extension = lowerExtension(file->path());
-    const bool picture = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".exr";
+    const bool picture = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".webp" ||
+                         extension == ".exr";
     const fs::path below = file->path().lexically_relative(images);
     const bool shown = !file->path().filename().string().starts_with(".");
     if (picture && shown && !placed.contains(below)) others.insert(below);

@@ -26,7 +26,7 @@ struct ByteImage {
 // finite, and for data that is not as long as the shape says.
 ByteImage toBytes(const Image& image);
 
-// PNG, JPEG or EXR, told apart by their first bytes. A regular file. Throws Error: cannotRead, badData.
+// PNG, JPEG, WebP or EXR, told apart by their first bytes. A regular file. Throws Error: cannotRead, badData.
 Image readImage(const std::filesystem::path& path);
 // By the extension: .png (clamped to [0, 1], 8 bits), .jpg (the same, quality 95, without the alpha of 4 channels) or
 // .exr (half floats). A file that is there is replaced once the new one is complete. Throws Error: cannotWrite; usage

@@ -6,9 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <span>
 
 #include "core/bundle/ply.h"
+#include "core/file/file.h"
+#include "core/image/webp.h"
 #include "core/system/shortened.h"
 #include "support/address_space.h"
 #include "support/catch.h"
@@ -276,6 +279,24 @@ TEST_CASE("finds photographs by paths with backslashes and by extensions in capi
   CHECK(dataset.views[1].test);
 }
 
+TEST_CASE("finds WebP photographs by their paths without an extension and reads them", "[dataset]") {
+  tg::TemporaryFolder folder;
+  tg::BytePixels pixels(16, 12);
+  for (std::size_t i = 0; i < pixels.data.size(); ++i) pixels.data[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(i);
+  fs::create_directories(folder / "images");
+  tg::writeFileAtomically(folder / "images/a.webp", tg::encodeWebp(pixels));
+  writeText(folder / "transforms.json", pinhole({frame("images/a")}).dump());
+  const tg::Dataset dataset = loadDataset(folder.path);
+  REQUIRE(dataset.views.size() == 1);
+  const std::vector<std::uint8_t>& rgb = dataset.pixels(0)->rgb;
+  REQUIRE(rgb.size() == 3 * pixels.size());
+  CHECK(rgb[3 * 7 + 1] == pixels.data[4 * 7 + 1]);
+  ColmapText().write(folder.path);
+  for (int i = 0; i < 10; ++i) writePicture(folder / "images" / ("image" + std::to_string(i) + ".png"), 16, 12);
+  CHECK(loadDataset(folder.path).notes ==
+        std::vector<std::string>{"1 photographs in images have no camera and are left out (the first: a.webp)"});
+}
+
 TEST_CASE("a view below images keeps its folder in its name and one elsewhere is called by its file", "[dataset]") {
   tg::TemporaryFolder folder;
   std::vector<Json> frames;
@@ -438,7 +459,7 @@ TEST_CASE("files of gigabytes that are none of a data set's are refused without 
   const AddressSpaceLimit limit(std::uint64_t{1} << 30);
   writeText(folder / "transforms.json", pinhole({frame("images/0.png"), frame("images/1.png")}).dump());
   CHECK(refusal(folder.path) ==
-        "3 " + (folder / "images/1.png").string() + ": unknown image format (expected PNG, JPEG or EXR)");
+        "3 " + (folder / "images/1.png").string() + ": unknown image format (expected PNG, JPEG, WebP or EXR)");
   Json named = pinhole({frame("images/0.png")});
   named["ply_file_path"] = "points.ply";
   writeText(folder / "transforms.json", named.dump());
