@@ -26,7 +26,7 @@ def _in_short(function, own=0):
 
 
 def shorten(scope):
-    """Of a module or class of pybind11's: all functions, constructors and methods of it, which it holds from then on."""
+    """All functions, constructors and methods of a module or class of pybind11's, in place."""
     for name, member in list(vars(scope).items()):
         if isinstance(member, type):
             shorten(member)

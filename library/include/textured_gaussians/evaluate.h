@@ -33,8 +33,9 @@ struct EvaluateOptions {
 struct Evaluation {
   std::vector<ViewScore> views;  // in the data set's order
   ViewScore mean;                // of every figure; its name is empty
-  // RGB behind transparent photographs and the model: DatasetOptions::background where the data set was loaded with
-  // one; else the model's, where it is known, as of a .tgz and of what has cameras; else Dataset::background().
+  // RGB behind transparent photographs and the model: DatasetOptions::background or DatasetData::background where the
+  // data set was made with one; else the model's, where it is known, as of a .tgz and of what has cameras; else
+  // Dataset::background().
   std::array<float, 3> background = {0, 0, 0};
   std::vector<std::string> warnings;  // of a model that was trained on others than these photographs, a line each
 };
