@@ -31,7 +31,6 @@ export class Viewer {
     this.settings = {show: 'final', textures: 'rgba', intersection: 'maxResponse', outside: 'base', background: [0, 0, 0]};
     this.fixedSize = null;    // [px] instead of the canvas' own
     this.layout = null;       // {style, pixels} of the canvas before it was of a fixed size
-    this.ownSizes = null;     // the style sheet of what the page gives no size
     this.cameraIndex = -1;    // of the model's cameras, while the view is one of them; likewise for its views
     this.viewIndex = -1;
     this.left = NOWHERE;      // the two indices as they were before it was none of them
@@ -386,21 +385,8 @@ export class Viewer {
     const {canvas} = this, {clientWidth, clientHeight} = canvas;
     Object.assign(canvas, {width, height});
     if (this.fixedSize) return;
-    if (Math.abs(canvas.clientWidth - clientWidth) > 1) this.keepSide('width', clientWidth);
-    if (Math.abs(canvas.clientHeight - clientHeight) > 1) this.keepSide('height', clientHeight);
-  }
-
-  // By a rule that any other one of the page overrules, also one that comes later.
-  keepSide(side, pixels) {
-    const {canvas} = this, root = canvas.getRootNode();
-    canvas.style.setProperty(`--tg-${side}`, `${pixels}px`);
-    if (!this.ownSizes) {
-      this.ownSizes = new canvas.ownerDocument.defaultView.CSSStyleSheet();
-      this.ownSizes.replaceSync(['width', 'height'].map((name) =>
-        `:where(canvas[style*="--tg-${name}"]) { ${name}: var(--tg-${name}); }`).join(' '));
-    }
-    if (root.adoptedStyleSheets.includes(this.ownSizes)) return;
-    root.adoptedStyleSheets = [...root.adoptedStyleSheets, this.ownSizes];
+    if (Math.abs(canvas.clientWidth - clientWidth) > 1) canvas.style.width = `${clientWidth}px`;
+    if (Math.abs(canvas.clientHeight - clientHeight) > 1) canvas.style.height = `${clientHeight}px`;
   }
 
   // Settings under the names and with the values of tgview's flags, all optional: camera (index, or {width, height, fx,
