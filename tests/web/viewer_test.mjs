@@ -161,6 +161,19 @@ for (const ratio of [2, 1.5, 0.5]) {
 }
 window.devicePixelRatio = 1;
 
+// The start view of a model without cameras is one of the canvas' size, whichever was before.
+{
+  const viewer = await makeViewer({model: {cameras: [], views: [], bounds: {center: [0, 0, 0], radius: 1}}});
+  const sight = () => [viewer.orbit.camera.width, viewer.orbit.camera.height, viewer.orbit.distance];
+  const before = sight();
+  viewer.setSize('64x512');
+  await settle();
+  expect('the start view of a fixed size', sight()[1] === 64 && sight()[2] > before[2], sight());
+  viewer.setSize('window');
+  await settle();
+  expect('that of the window once more', String(sight()) === String(before), [sight(), before]);
+}
+
 // The window on another screen, or zoomed: nothing else says so.
 {
   queries.length = 0;

@@ -376,8 +376,13 @@ export class Viewer {
     const [width, height] = size.map((side) => Math.max(side, 1));
     if (this.canvas.width === width && this.canvas.height === height) return;
     this.setPixels(width, height);
-    if (this.orbit && this.orbit.atStart) this.orbit.start(width, height);
+    this.fitStart();
     this.changed();  // the order, and the levels of detail, are of the size before
+  }
+
+  // The start view is one of the canvas' size.
+  fitStart() {
+    if (this.orbit && this.orbit.atStart) this.orbit.start(this.canvas.width, this.canvas.height);
   }
 
   // A canvas that a page gives no size is as large as its pixels are many: it stays as large as it was.
@@ -469,7 +474,10 @@ export class Viewer {
     const {canvas, fixedSize: before} = this;
     const sidesOf = ({width, height}) => ({width, height});
     if (size && !before) this.layout = {style: sidesOf(canvas.style), pixels: sidesOf(canvas)};
-    if (before && !size) Object.assign(canvas, this.layout.pixels);  // whose aspect may be that of the layout
+    if (before && !size) {
+      Object.assign(canvas, this.layout.pixels);  // whose aspect may be that of the layout
+      this.fitStart();
+    }
     this.fixedSize = size;
     if (before || size) this.layOut();
     this.resize();
