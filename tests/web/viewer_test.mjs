@@ -20,6 +20,8 @@ globalThis.requestAnimationFrame = (call) => {
   timers.push({call: () => call(now), at, id: ++number});
 };
 const queries = [];  // of the screen
+const context = {drawImage() {}};
+globalThis.document = {hidden: false, createElement: () => ({getContext: () => context})};
 globalThis.window = {
   devicePixelRatio: 1,
   matchMedia(media) {
@@ -88,6 +90,12 @@ function dispose(viewer) {
   viewer.renderer.dispose = () => {};
   viewer.device = {loseContext() {}};
   viewer.dispose();
+}
+
+// As a page that has too many contexts does.
+function release(viewer) {
+  viewer.device = {loseContext: () => viewer.canvas.listeners.webglcontextlost({preventDefault() {}})};
+  viewer.release();
 }
 
 async function settle(milliseconds = 1000) {
@@ -197,6 +205,12 @@ window.devicePixelRatio = 1;
   viewer.setSize('64x64');
   await become(2);
   expect('one of a fixed size keeps its pixels', canvas.width === 64 && canvas.style.width === '32px', canvas.style);
+  release(viewer);
+  expect('a viewer without a context does not listen', heard().length === 0, heard().length);
+  await become(4);
+  await viewer.resume();
+  expect('one that has it back has the size of the screen that is now', heard().length === 1 && canvas.width === 64 &&
+    canvas.style.width === '16px', [heard().length, canvas.style]);
   dispose(viewer);
   expect('a viewer that was disposed of listens no more', heard().length === 0, heard().length);
   window.devicePixelRatio = 1;

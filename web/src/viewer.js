@@ -72,13 +72,13 @@ export class Viewer {
 
   // Another screen, or another zoom, has other pixels; nothing else of the page need change with it.
   watchRatio() {
+    if (this.ratio) this.ratio.onchange = null;
     this.ratio = window.matchMedia(`(resolution: ${window.devicePixelRatio || 1}dppx)`);
     this.ratio.onchange = () => {
-      this.ratio.onchange = null;
       this.watchRatio();
-      if (this.fixedSize) this.layOut();
       this.changed();
     };
+    if (this.fixedSize) this.layOut();
   }
 
   // Those that wait for a picture are told why none comes, else whoever listens.
@@ -599,6 +599,7 @@ export class Viewer {
     }
     this.splats = null;
     this.land();
+    this.ratio.onchange = null;  // a page keeps what listens: the viewer, and its model
     clearTimeout(this.lostTimer);
     if (this.renderer.gl.isContextLost()) {
       this.lost = Promise.resolve();
@@ -627,6 +628,7 @@ export class Viewer {
       });
     }
     this.lost = null;  // what is lost from here on is given back to restore()
+    this.watchRatio();
     await this.restore();
     this.changed();
   }
