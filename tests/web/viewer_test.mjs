@@ -358,7 +358,87 @@ for (const radius of [2e-3, 1, 2e6, 1e12]) {
   globalThis.requestAnimationFrame = usual;
   for (const call of held) usual(call);
   await settle();
-  expect('once it is seen', there[0] === 'normal', there);
+  expect('once it is seen', there[0] === 'normal' && unseen.watchTimer === 0, [there, unseen.watchTimer]);
+
+  // A device that is lost is, one that was given back is not.
+  const lost = await makeViewer();
+  lost.renderer.gl.isContextLost = () => true;
+  globalThis.document.hidden = true;
+  const gone = outcomes(lost, ['alpha']);
+  await settle(200000);
+  expect('a picture of a lost device on a page that is not seen', gone[0] === 'waits', gone);
+  globalThis.document.hidden = false;
+  await settle(58000);
+  expect('on one that is seen, for a while', gone[0] === 'waits', gone);
+  await settle(4000);
+  expect('for long', gone[0].startsWith('The browser has taken the graphics device away'), gone);
+
+  const released = await makeViewer(), {gl} = released.renderer, is = gl.isContextLost;
+  release(released);
+  gl.isContextLost = () => true;
+  const wanted = outcomes(released, ['depth']);
+  await settle(200000);
+  expect('a picture of a viewer without a context', wanted[0] === 'waits', wanted);
+  gl.isContextLost = is;
+  await released.resume();
+  await settle();
+  expect('once it has one', wanted[0] === 'depth', wanted);
+}
+
+// A model whose device is lost while it is put there, and for good, holds up nobody; one that is released meanwhile
+// waits.
+{
+  const outcome = (promise) => {
+    const found = {};
+    promise.then(() => { found.is = 'done'; }, (error) => { found.is = error.message; found.isLoss = error.isLoss; });
+    return found;
+  };
+  const {cameras, views, bounds} = (await makeViewer()).model, model = () => ({cameras, views, bounds});
+  for (const first of [true, false]) {
+    const viewer = await makeViewer(first ? {model: null} : {}), {gl} = viewer.renderer, before = viewer.model;
+    const {upload} = viewer;
+    viewer.upload = Viewer.prototype.upload;
+    gl.isContextLost = () => true;
+    const opened = outcome(viewer.open(model())), waits = outcome(viewer.settled());
+    globalThis.document.hidden = true;
+    await settle(100000);
+    globalThis.document.hidden = false;
+    await settle(50000);
+    expect('a model whose device was lost a while ago', opened.is === undefined, opened);
+    await settle(15000);
+    expect('one whose device stays away', opened.isLoss && opened.is.startsWith('The browser has taken'), opened);
+    if (first) expect('who waits for its picture', waits.is === opened.is, waits);
+    expect('the model before it', viewer.model === before && viewer.uploads === 0, viewer.uploads);
+    const again = outcome(viewer.open(model()));
+    await settle(10000);
+    gl.isContextLost = () => false;
+    viewer.upload = upload;
+    viewer.openContext();
+    viewer.goOn();
+    await settle(1000);
+    expect('one whose device comes back', again.is === 'done', again);
+    await settle(100000);
+    expect('looks for a device that is there', timers.length === 0, timers.length);
+  }
+  const viewer = await makeViewer();
+  viewer.upload = Viewer.prototype.upload;
+  release(viewer);
+  viewer.renderer.gl.isContextLost = () => true;
+  const opened = outcome(viewer.open(model()));
+  await settle(200000);
+  expect('one of a viewer without a context', opened.is === undefined, opened);
+  dispose(viewer);
+}
+
+// Who waits for the picture of a first model is told that there is none.
+{
+  const viewer = await makeViewer({model: null});
+  let told = 'nothing';
+  viewer.settled().catch((error) => { told = error.message; });
+  viewer.upload = async () => { throw new Error('does not fit'); };
+  viewer.open({cameras: [eye], views: [], bounds: {center: [0, 0, 0], radius: 1}}).catch(() => {});
+  await settle();
+  expect('a first model that cannot be shown', told === 'does not fit' && viewer.watchTimer === 0, told);
 }
 
 // An answer that is silent for long is given up, one that is slow is not.

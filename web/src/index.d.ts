@@ -118,6 +118,7 @@ export class Viewer {
   onError: (error: Error) => void;
   /** Of a graphics device that was taken away and stays so; '' once it is back. */
   onLost: (words: string) => void;
+  /** Rejects with what keeps the model from being shown, as a device that is lost for 60 s in which the page is seen. */
   open(model: Model): Promise<void>;
   /** The same model, further trained: the view stays. Without one before it, as open(). */
   replace(model: Model): Promise<void>;
@@ -131,7 +132,7 @@ export class Viewer {
   play(on?: boolean): boolean;
   changed(byHand?: boolean): void;
   /** Resolves when the picture stands; rejects with what keeps it from that, or where nothing comes of it for 60 s in
-      which the page is seen. */
+      which the page is seen and the viewer has a context. */
   settled(): Promise<void>;
   /** Gives the WebGL context back, of which a browser has few, until resume(). A canvas with what was seen. */
   release(): HTMLCanvasElement;

@@ -13,7 +13,7 @@ const REST_MILLISECONDS = 150;  // without input: the picture is drawn in full a
 const PATIENCE_MILLISECONDS = 5;  // between two looks whether the device is done
 const SLOW_FRAME = 50, FAST_FRAME = 35;  // [ms] that a frame takes while moving; a screen of 30 Hz has fast ones
 const LOST_MILLISECONDS = 5000;  // until a device that the browser took away and has not given back is spoken of
-const LOOK_MILLISECONDS = 1000;  // between two looks whether something has come of a picture that somebody waits for
+const LOOK_MILLISECONDS = 1000;  // between two looks whether something has come that somebody waits for
 const MOST_LOOKS = 60;  // in vain
 const MOST_UPLOADS = 3;  // of a model, where the device is lost meanwhile
 const MAX_FIXED_SIDE = 8192;
@@ -85,7 +85,13 @@ export class Viewer {
   fail(error) {
     this.toFly = false;
     if (this.waiting.length === 0) this.onError(error);
-    for (const {reject} of this.waiting.splice(0)) reject(error);
+    for (const {reject} of this.takeWaiting()) reject(error);
+  }
+
+  takeWaiting() {
+    clearTimeout(this.watchTimer);
+    this.watchTimer = 0;
+    return this.waiting.splice(0);
   }
 
   sayLost(words) {
@@ -153,7 +159,9 @@ export class Viewer {
         next = await this.upload(model);
       }
     } catch (error) {
-      const was = opening === this.openings && !this.splats && model !== this.model && this.model;
+      if (opening === this.openings && !this.model) for (const {reject} of this.takeWaiting()) reject(error);
+      const back = opening === this.openings && !this.splats && model !== this.model && !this.deviceLost;
+      const was = back && this.model;
       if (was && await this.takeNow(was, this.orbit).catch(() => false)) this.changed();
       throw error;
     } finally {
@@ -174,7 +182,7 @@ export class Viewer {
   }
 
   // On the device, and in order where another model is seen meanwhile. Null where the device was lost: there is another
-  // one then.
+  // one then. Throws where there is none for long.
   async upload(model) {
     const {renderer} = this;
     const held = () => renderer === this.renderer && renderer !== null && !renderer.gl.isContextLost();
@@ -199,9 +207,31 @@ export class Viewer {
       }
     }
     if (next) next.dispose();
-    if (this.renderer && renderer.gl.isContextLost()) await new Promise((resolve) => this.missing.push(resolve));
+    if (this.renderer && renderer.gl.isContextLost()) await this.deviceBack();
     return null;
   }
+
+  // Resolves at goOn(). Time in which the page is not seen, or the viewer has given its context back, does not count.
+  deviceBack() {
+    return new Promise((resolve, reject) => {
+      let timer = 0;
+      const look = (looks) => {
+        timer = setTimeout(() => {
+          const more = looks + (document.hidden || this.lost ? 0 : 1);
+          if (more < MOST_LOOKS) look(more);
+          else reject(Object.assign(new Error(LOST), {isLoss: true}));
+        }, LOOK_MILLISECONDS);
+      };
+      look(0);
+      this.missing.push(() => {
+        clearTimeout(timer);
+        resolve();
+      });
+    });
+  }
+
+  // By the browser, not by release().
+  get deviceLost() { return !this.lost && this.renderer.gl.isContextLost(); }
 
   requireModel() {
     if (!this.model) throw new Error('there is no model yet');
@@ -336,7 +366,7 @@ export class Viewer {
     this.draw(this.moving ? this.motionScale : 1);
     if (unfinished || !this.splats.sorted) return;  // a new size wants a new order
     const {failure} = this.splats;
-    for (const {resolve, reject} of this.waiting.splice(0)) {
+    for (const {resolve, reject} of this.takeWaiting()) {
       if (failure) reject(failure);
       else resolve();
     }
@@ -539,15 +569,15 @@ export class Viewer {
     });
   }
 
-  // Tells who waits for a picture where nothing comes of it for long. Time in which the browser gives no frames, as out
-  // of sight, does not count, nor while the model comes or is put on the device.
+  // Tells who waits for a picture where nothing comes of it for long. Time in which the page is not seen or the browser
+  // gives no frames does not count, nor between release() and resume(), while the model comes or is put on the device.
   watch(looks = 0, before = '') {
     this.watchTimer = setTimeout(() => {
       this.watchTimer = 0;
       if (this.waiting.length === 0) return;
-      const lost = this.lost || this.renderer.gl.isContextLost();
+      const lost = this.deviceLost;
       const unseen = this.framePending && performance.now() - this.pendingSince > LOOK_MILLISECONDS;
-      const comes = !lost && (!this.model || this.uploads > 0 || unseen);
+      const comes = document.hidden || this.lost || (!lost && (!this.model || this.uploads > 0 || unseen));
       const news = `${this.lastFrame} ${this.splats && this.splats.clock}`;
       if (!comes && news === before && looks + 1 >= MOST_LOOKS) {
         this.fail(new Error(lost ? LOST : `No picture: nothing has come of it for ${MOST_LOOKS} s.`));
@@ -641,12 +671,11 @@ export class Viewer {
     this.ratio.onchange = null;
     clearTimeout(this.restTimer);
     clearTimeout(this.lostTimer);
-    clearTimeout(this.watchTimer);
     if (this.splats) this.splats.dispose();
     this.renderer.dispose();
     this.splats = this.model = this.renderer = null;
     this.device.loseContext();
     this.goOn();
-    for (const {reject} of this.waiting.splice(0)) reject(new Error('the viewer was disposed of'));
+    for (const {reject} of this.takeWaiting()) reject(new Error('the viewer was disposed of'));
   }
 }
