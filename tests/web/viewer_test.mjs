@@ -446,8 +446,8 @@ for (const radius of [2e-3, 1, 2e6, 1e12]) {
   let send = null, ended = null;
   globalThis.fetch = async (_, {signal}) => new Response(new ReadableStream({
     start(controller) {
-      send = () => controller.enqueue(new Uint8Array(10));
-      ended = () => controller.close();
+      send = () => signal.aborted || controller.enqueue(new Uint8Array(10));
+      ended = () => signal.aborted || controller.close();
       signal.addEventListener('abort', () => controller.error(signal.reason));
     },
   }));
@@ -469,13 +469,48 @@ for (const radius of [2e-3, 1, 2e6, 1e12]) {
   const silent = outcome();
   await settle(59000);
   expect('one that is silent for a while', silent.is === undefined, silent);
-  await settle(2000);
+  await settle(8000);
   expect('one that is silent', silent.is === 'http://server/a: no bytes for 60 s', silent);
   const stop = new AbortController(), stopped = outcome({signal: stop.signal});
   await settle();
   stop.abort('enough');
   await settle();
   expect('one that is stopped', stopped.is === 'enough' && timers.length === 0, [stopped, timers.length]);
+
+  // A browser sends some requests at a time; those that it keeps back are not silent.
+  const {fetch} = globalThis, connections = 6, kept = [], sent = [];
+  globalThis.fetch = (...asked) => new Promise((done, no) => {
+    asked[1].signal.addEventListener('abort', () => no(asked[1].signal.reason));
+    kept.push(() => {
+      done(fetch(...asked));
+      sent.push({send, ended});
+    });
+    if (kept.length <= connections) kept[kept.length - 1]();
+  });
+  const many = Array.from({length: 8}, () => outcome());
+  for (let part = 0; part < 4; ++part) {
+    await settle(40000);
+    for (const one of sent) one.send();
+  }
+  expect('more requests than connections', many.every(({is}) => is === undefined), many);
+  for (const one of sent.splice(0)) one.ended();
+  for (const begin of kept.slice(connections)) begin();
+  await settle();
+  for (const one of sent) one.ended();
+  await settle();
+  expect('once all were sent', String(many.map(({is}) => is)) === '40,40,40,40,40,40,0,0', many);
+  globalThis.fetch = fetch;
+
+  // A page that stood still hears of what came meanwhile after its timers.
+  const frozen = outcome();
+  await settle(30000);
+  now += 3600000;
+  await settle(25000);
+  send();
+  await settle(50000);
+  expect('an answer on a page that was frozen', frozen.is === undefined, frozen);
+  await settle(20000);
+  expect('that is silent from then on', frozen.is === 'http://server/a: no bytes for 60 s', frozen);
 }
 
 console.log(failures.join('\n') || 'the viewer does what it is to do');

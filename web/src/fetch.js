@@ -2,6 +2,7 @@
 // The bytes at an address, and sentences that name it.
 
 const SILENT_SECONDS = 60;    // after which an answer, or the rest of it, is given up
+const LOOK_SECONDS = 5;       // between two looks whether something has come
 const LONGEST_ADDRESS = 200;  // characters of one in what goes wrong: data: addresses hold whole files
 
 export function failure(url, words, cause) {
@@ -10,23 +11,38 @@ export function failure(url, words, cause) {
   return new Error(`${told}: ${words}`, {cause});
 }
 
+let heard = 0;  // answers that have begun, and pieces of them, of all that is fetched
+
+// Calls giveUp() once nothing of any answer has come for long: a browser may keep a request back until others are done.
+// Time in which timers come late, as on a page that is frozen, does not count. Returns what ends the watch.
+function watchSilence(giveUp) {
+  let timer = 0;
+  const look = (silent, before) => {
+    const due = performance.now() + 1000 * LOOK_SECONDS;
+    timer = setTimeout(() => {
+      const late = performance.now() - due > 1000 * LOOK_SECONDS;
+      const seconds = heard !== before ? 0 : silent + (late ? 0 : LOOK_SECONDS);
+      if (seconds < SILENT_SECONDS) look(seconds, heard);
+      else giveUp();
+    }, 1000 * LOOK_SECONDS);
+  };
+  look(0, heard);
+  return () => clearTimeout(timer);
+}
+
 // onProgress(loaded, total): [bytes]; total is 0 where the server does not tell it. most: [bytes] there may be. cache:
 // as fetch() has it. What goes wrong has the address before it, but for an AbortError of `signal`.
 export async function fetchBytes(url, {onProgress, signal, most = Infinity, cache = 'default'} = {}) {
   const end = new AbortController(), stop = () => end.abort(signal.reason);
   if (signal) signal.addEventListener('abort', stop);
   if (signal && signal.aborted) stop();
-  let timer = 0, silent = false;
-  const hear = () => {
-    clearTimeout(timer);
-    timer = setTimeout(() => {
-      silent = true;
-      end.abort();
-    }, 1000 * SILENT_SECONDS);
-  };
-  hear();
+  let silent = false;
+  const endWatch = watchSilence(() => {
+    silent = true;
+    end.abort();
+  });
   try {
-    return await receivedBytes(url, {onProgress, signal: end.signal, most, cache, hear});
+    return await receivedBytes(url, {onProgress, signal: end.signal, most, cache});
   } catch (error) {
     if (signal && signal.aborted) throw error;
     if (silent) throw failure(url, `no bytes for ${SILENT_SECONDS} s`, error);
@@ -35,14 +51,14 @@ export async function fetchBytes(url, {onProgress, signal, most = Infinity, cach
     const words = `no answer, an answer that broke off, or one that this page may not read (${error.message})`;
     throw failure(url, words, error);
   } finally {
-    clearTimeout(timer);
+    endWatch();
     if (signal) signal.removeEventListener('abort', stop);
   }
 }
 
-// hear(): something has come.
-async function receivedBytes(url, {onProgress, signal, most, cache, hear}) {
+async function receivedBytes(url, {onProgress, signal, most, cache}) {
   const answer = await fetch(url, {signal, cache});
+  ++heard;
   if (!answer.ok) throw failure(url, `${answer.status} ${answer.statusText}`.trim());
   if (!answer.body) return new Uint8Array(await answer.arrayBuffer());
   const packed = answer.headers.get('Content-Encoding');
@@ -51,7 +67,7 @@ async function receivedBytes(url, {onProgress, signal, most, cache, hear}) {
   let loaded = 0;
   for (;;) {
     const {done, value} = await reader.read();
-    hear();
+    ++heard;
     if (done) break;
     chunks.push(value);
     loaded += value.length;

@@ -83,7 +83,7 @@ export interface Settings {
   background: number[];
 }
 
-/** Rejects where the server is silent for 60 s. */
+/** Rejects where the server is silent for 60 s, and nothing else that is fetched comes meanwhile. */
 export function fetchBytes(url: string, options?: FetchOptions): Promise<Uint8Array>;
 /** Of a GLB or a SOG file. */
 export function readModel(bytes: ArrayBuffer | ArrayBufferView): Promise<Model>;
@@ -118,7 +118,7 @@ export class Viewer {
   onError: (error: Error) => void;
   /** Of a graphics device that was taken away and stays so; '' once it is back. */
   onLost: (words: string) => void;
-  /** Rejects with what keeps the model from being shown, as a device that is lost for 60 s in which the page is seen. */
+  /** Rejects with what keeps the model from being shown, as a device lost for 60 s in which the page is seen. */
   open(model: Model): Promise<void>;
   /** The same model, further trained: the view stays. Without one before it, as open(). */
   replace(model: Model): Promise<void>;
