@@ -151,12 +151,17 @@ expect('a box is turned, and stands for that of the means', box === means && box
     const {signal} = stop || new AbortController();
     const found = await stream.loadCoarsest(signal).then(
       ({chunks, errors}) => [chunks.map(({file}) => names.indexOf(file.name)), errors.length], (error) => error.name);
-    return {most, found};
+    return {most, found, begun};
   };
   const {most, found} = await fetchWith((file) => file % 3 === 0);
   expect('files of the coarsest levels at a time', most === 4, most);
   expect('those that came, in their order', found[1] === 17 && String(found[0]) ===
     String(names.map((_, i) => i).filter((i) => i % 3 !== 0)), JSON.stringify(found));
+  const none = await fetchWith(() => true);
+  expect('where the first ones fail no more are fetched', none.begun < 8 && none.found[1] === none.begun,
+         JSON.stringify(none));
+  const late = await fetchWith((file) => file < 4);
+  expect('where one under way comes all are', late.begun === 50 && late.found[0].length === 46, JSON.stringify(late));
   const stopped = await fetchWith(() => false, new AbortController());
   expect('fetching that is stopped', stopped.found === 'AbortError', JSON.stringify(stopped));
 }

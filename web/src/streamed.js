@@ -17,14 +17,17 @@ const MOST_CAMERAS = 1 << 25;  // [bytes] of cameras.json
 const AT_ONCE = 4;             // chunks on their way
 const PLAN_MILLISECONDS = 100; // between two choices of levels
 
-// Promise.allSettled of what `begin` gives for each of the list, of which so many are under way at a time.
+// Promise.allSettled of what `begin` gives for each of the list, of which so many are under way at a time. No more
+// begin once that many have failed and none has come: then it is that of the first ones.
 async function settledAtMost(most, list, begin) {
   const results = [];
-  let next = 0;
+  let next = 0, failed = 0, came = false;
   const goOn = async () => {
-    while (next < list.length) {
+    while (next < list.length && (came || failed < most)) {
       const at = next++;
       [results[at]] = await Promise.allSettled([begin(list[at])]);
+      if (results[at].status === 'fulfilled') came = true;
+      else ++failed;
     }
   };
   await Promise.all(Array.from({length: most}, goOn));
