@@ -153,6 +153,14 @@ def show_element(browser, address, references):
     })()""")
     view = [f"3D view of {name}" for name in ("sc\u00e9ne 1.glb", "city", "100%.sog", "a model", "a model")]
     expect("an element is called by its text, its title or its file", told == [*view, "a title", "a fox"], told)
+    took = browser.evaluate("""(async () => {
+        const element = document.createElement('textured-gaussians'), began = performance.now();
+        for (const begin of ['data:model/gltf-binary;base64,', '']) {
+          element.src = begin + `${'A'.repeat(500)}/`.repeat(1e4);
+        }
+        return performance.now() - began;
+    })()""")
+    expect("which takes no time from a long address", took < 500, took)
     names = browser.pictures_told()
     expect("and is a picture to screen readers", "a fox" in names and len(names) == 2, names)
     browser.evaluate("named.canvas.focus({focusVisible: true})")

@@ -29,12 +29,13 @@ function makeRoom() {
 
 // What a model's address calls it: its file, or the folder of a lod-meta.json.
 function nameIn(address) {
-  const [path] = address.split(/[?#]/), found = path.match(/([^/]+?)(\/lod-meta\.json)?$/);
-  if (!found || /^(data|blob):/.test(address)) return 'a model';
+  if (/^\s*(data|blob):/i.test(address)) return 'a model';  // no names in these, but megabytes
+  const [path] = address.split(/[?#]/, 1), [folder, file] = ['', ...path.split('/')].slice(-2);
+  const name = (file === 'lod-meta.json' && folder) || file;
   try {
-    return decodeURIComponent(found[1]);
+    return decodeURIComponent(name) || 'a model';
   } catch {  // a % of its own
-    return found[1];
+    return name;
   }
 }
 
