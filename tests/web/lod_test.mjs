@@ -7,7 +7,7 @@ import {readCameraFile} from '../../web/src/camera_file.js';
 import {addressIn} from '../../web/src/decoder.js';
 import {chooseLevels, isLodMeta, parseLodMeta} from '../../web/src/lod.js';
 import {planPool} from '../../web/src/pool.js';
-import {LodStream} from '../../web/src/streamed.js';
+import {LodStream, StreamedSplats} from '../../web/src/streamed.js';
 
 setInterval(() => {}, 1000);  // long work in slices does not keep Node from ending
 const failures = [];
@@ -197,6 +197,25 @@ expect('of the largest textures hardly anything is left', planPool(8192, {all: 2
     told = error.message;
   }
   expect('coarsest levels that are too many', told.startsWith('100000 Gaussians are too many for this device'), told);
+}
+
+// What else goes wrong while a scene is put on a device takes no room from it, and where there is none that is told.
+{
+  const stream = new LodStream(gap, 'lod-meta.json', 1000);
+  stream.first = [];
+  const renderer = {gl: {getParameter: () => 4096, isContextLost: () => false},
+                    linked: async () => { throw new Error('no shaders'); }};
+  const told = await stream.open(renderer, {}, {}).then(() => 'opened', (error) => error.message);
+  expect('a device without shaders', told === 'no shaders' && stream.memory === Infinity, [told, stream.memory]);
+
+  const notes = [];
+  for (const [budget, mostBudget] of [[5000, 3000], [5000, 0], [1000000, 3000], [5000, 6000]]) {
+    StreamedSplats.prototype.tellRoom.call({stream: {budget, usualBudget: 1000000}, gpu: {mostBudget},
+                                            model: {notes: []}, onNote: (words) => notes.push(words)});
+  }
+  expect('how much room there is', notes.join(' ') ===
+    'This device has room for 3000 Gaussians of the scene at a time. ' +
+    'This device has room for no more than the coarsest level of the scene at a time.', notes);
 }
 
 // Spoilt ones are refused with a sentence, never by a slip of the reader's own.

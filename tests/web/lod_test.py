@@ -251,9 +251,11 @@ def check_small_device(scene, address):
     opened = scene.open(budget=1500)
     scene.all_there()
     scene.browser.evaluate("element.setAttribute('splat-budget', '90000')")
-    scene.browser.evaluate("new Promise((done) => setTimeout(done, 300))")
+    told, end = "", time.monotonic() + LIMIT_SECONDS
+    while "does not fit" not in told and time.monotonic() < end:
+        time.sleep(0.05)
+        told = scene.browser.evaluate(seen)[2]
     found = scene.all_there()
-    told = scene.browser.evaluate(seen)[2]
     expect("one that cannot be raised leaves the scene as it is", COARSEST < found["shown"] <= 1500 and
            "does not fit" in told, [found, told])
 

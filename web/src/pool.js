@@ -87,7 +87,8 @@ export function planPool(side, {all, least, files, shCoefficients}, asked) {
 }
 
 export class SplatPool extends GpuModel {
-  // plan: {perRow, rows, budget, most} as planPool() has it; kind: {shCoefficients, mode} as GpuModel has it.
+  // plan: {perRow, rows, budget, most} as planPool() has it; kind: {shCoefficients, mode} as GpuModel has it. Throws an
+  // error with isTooLarge where the device has no memory for it.
   static async open(renderer, plan, kind) {
     await renderer.linked();
     const {gl} = renderer;
@@ -97,7 +98,9 @@ export class SplatPool extends GpuModel {
     try {
       renderer.guarded(() => pool.allocate());
       await renderer.finished();
-      if (gl.getError() !== gl.NO_ERROR) throw new Error('the scene does not fit into the graphics device\'s memory');
+      if (gl.getError() !== gl.NO_ERROR) {
+        throw Object.assign(new Error('the scene does not fit into the graphics device\'s memory'), {isTooLarge: true});
+      }
     } catch (error) {
       pool.dispose();
       throw error;

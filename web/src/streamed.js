@@ -264,7 +264,8 @@ export class StreamedSplats extends Splats {
   tellRoom() {
     const {stream, gpu, model} = this;
     if (stream.budget <= gpu.mostBudget || stream.budget === stream.usualBudget) return;
-    const words = `This device has room for ${gpu.mostBudget} Gaussians of the scene at a time.`;
+    const room = gpu.mostBudget > 0 ? `${gpu.mostBudget} Gaussians` : 'no more than the coarsest level';
+    const words = `This device has room for ${room} of the scene at a time.`;
     if (model.notes.includes(words)) return;
     model.notes.push(words);
     this.onNote(words);
@@ -460,7 +461,7 @@ async function openPool(stream, renderer, shrinks) {
       return await SplatPool.open(renderer, plan, kind);
     } catch (error) {
       const less = Math.floor(Math.min(plan.budget, needs.all) / 2);
-      if (!shrinks || less === 0 || gl.isContextLost()) throw error;
+      if (!shrinks || !error.isTooLarge || less === 0 || gl.isContextLost()) throw error;
       stream.memory = less;
     }
   }
