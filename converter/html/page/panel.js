@@ -9,7 +9,8 @@ const DONE_STAYS = 2700, DONE_FADES = 300;  // [ms] of a word that something is 
 const HAS_ADDRESS = !/^(about|blob|data):/.test(location.href);  // one that leads somewhere from elsewhere
 const FREE_VIEW = '-1';  // of the list of views, while it is none of them
 // Words in names of a query's parameters that open a door: servers' tokens, storages' signed addresses.
-const CREDENTIALS = /token|secret|signature|passw|credential|hmac|jwt|api.?key|access.?key|auth(?!or)|authoriz/i;
+const CREDENTIALS = new RegExp('token|secret|signature|passw|credential|hmac|jwt|api.?key|access.?key|auth(?!or)|' +
+                               'authoriz|sess(ion)?_?id|hdn(ts|ea)', 'i');
 const SHORT_CREDENTIALS = /(^|[^a-z])(key|sig|sas|pwd|pass|session|sid)([^a-z]|$)/i;
 
 const element = (id) => document.getElementById(id);
