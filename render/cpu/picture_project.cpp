@@ -204,10 +204,13 @@ HWY_INLINE void findSeen(const ProjectArgs& args, const Frustum& frustum, std::s
   seen.count = n;
 }
 
-// Rotation of a unit quaternion (w, x, y, z), by columns.
+// Rotation of a quaternion (w, x, y, z) of any length, by columns.
 HWY_INLINE void rotationColumns(V w, V x, V y, V z, V3* columns) {
-  const V squared = hn::MulAdd(w, w, hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z))));
-  const V inverse = hn::Div(set(1.0f), hn::Sqrt(squared));
+  const auto square = [&] HWY_ATTR { return hn::MulAdd(w, w, hn::MulAdd(x, x, hn::MulAdd(y, y, hn::Mul(z, z)))); };
+  // Of short ones the square keeps few bits; a power of two costs none.
+  const V lift = hn::IfThenElse(hn::Lt(square(), set(1e-20f)), set(0x1p64f), set(1.0f));
+  for (V* each : {&w, &x, &y, &z}) *each = hn::Mul(*each, lift);
+  const V inverse = hn::Div(set(1.0f), hn::Sqrt(square()));
   w = hn::Mul(w, inverse);
   x = hn::Mul(x, inverse);
   y = hn::Mul(y, inverse);

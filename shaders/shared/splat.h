@@ -17,6 +17,8 @@ TG_NAMESPACE_BEGIN
 
 // Columns are the Gaussian's local axes in world space. q = (w, x, y, z), any length > 0.
 TG_FN mat3 rotationFromQuaternion(vec4 q) {
+  // A power of two, so that no bit changes: devices may take squares of short ones for 0.
+  q = q * (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w < 1e-20f ? 18446744073709551616.0f : 1.0f);
   float s = 1.0f / sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
   float w = q.x * s;
   float x = q.y * s;

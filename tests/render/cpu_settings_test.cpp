@@ -206,6 +206,19 @@ TEST_CASE("an axis whose scale no number holds is drawn as the thinnest one, in 
   }
 }
 
+TEST_CASE("quaternions of every length that models may have turn Gaussians alike bit for bit") {
+  for (const auto& settings : {everything(IntersectionModel::maxResponse), pictureAlone(IntersectionModel::plane)}) {
+    TestScene scene = makeScene(SceneKind::ordinary, 15);
+    const std::vector<glm::vec4> rotation = scene.model.rotation;
+    const Frame expected = renderCpu(scene.model, scene.camera, settings);
+    for (const float length : {0x1p-72f, 0x1p-66f, 0x1p62f}) {
+      for (std::size_t i = 0; i < rotation.size(); ++i) scene.model.rotation[i] = length * rotation[i];
+      INFO(length);
+      CHECK((renderCpu(scene.model, scene.camera, settings).picture == expected.picture));
+    }
+  }
+}
+
 // Most of what lies beyond +-3 sigma is faint: what it hides shows in the number of blended splats.
 TEST_CASE("beyond textures every treatment equals the reference's, and another one does not") {
   for (const SceneKind kind :

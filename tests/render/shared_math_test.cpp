@@ -301,6 +301,14 @@ TEST_CASE("a screen box is the same in every unit of length and has an end until
   }
 }
 
+TEST_CASE("a quaternion of any length turns as that of length one does bit for bit") {
+  const vec4 quaternion = vec4(0.9f, 0.2f, -0.3f, 0.1f);
+  for (const float length : {0x1p-72f, 0x1p-66f, 0x1p-34f, 0x1p-32f, 0x1p62f}) {
+    INFO(length);
+    CHECK((rotationFromQuaternion(length * quaternion) == rotationFromQuaternion(quaternion)));
+  }
+}
+
 TEST_CASE("screen boxes are the exact tangent bounds and contain every point") {
   int bounded = 0;
   for (SceneKind kind : kSceneKinds) {

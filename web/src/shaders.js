@@ -161,6 +161,7 @@ ${LAYOUT_H}
 ${LIMITS_H}
 TG_NAMESPACE_BEGIN
 TG_FN mat3 rotationFromQuaternion(vec4 q) {
+  q = q * (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w < 1e-20f ? 18446744073709551616.0f : 1.0f);
   float s = 1.0f / sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
   float w = q.x * s;
   float x = q.y * s;
