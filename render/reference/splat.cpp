@@ -16,6 +16,9 @@ glm::dmat3 localFromWorld(const glm::dmat3& rotation, glm::dvec3 scale) {
   return m;
 }
 
+// Whether a ray lies in the plane of a Gaussian. d: its direction in the local frame [sigma].
+bool inPlane(const Splat& s, glm::dvec3 d) { return std::abs(d[s.c]) * s.scale[s.c] < kPlaneMinCosine; }
+
 // The area of the Gaussian's shadow in the direction of the eye, up to a factor that its scale does not change.
 double shadow(const Splat& s, glm::dvec3 scale, glm::dvec3 eye_from_mean, IntersectionModel model) {
   if (model == IntersectionModel::plane) return scale[s.a] * scale[s.b];
@@ -40,7 +43,7 @@ glm::dvec3 moveOfHit(const Splat& s, glm::dvec3 step, IntersectionModel model) {
 
 double texelDensity(const Scene& scene, const Splat& s) {
   if (s.rect.texelCount() == 0) return 0.0;
-  if (scene.intersection == IntersectionModel::plane && std::abs(s.o[s.c] / s.z) < kPlaneMinCosine) return 0.0;
+  if (scene.intersection == IntersectionModel::plane && inPlane(s, s.o / -s.z)) return 0.0;
   const glm::dmat3 world_from_camera = glm::transpose(scene.camera.rotation);
   const glm::dvec3 x = moveOfHit(s, world_from_camera[0] / scene.camera.focal.x, scene.intersection);
   const glm::dvec3 y = moveOfHit(s, world_from_camera[1] / scene.camera.focal.y, scene.intersection);
@@ -208,7 +211,7 @@ std::optional<Intersection> intersect(const Splat& splat, glm::dvec3 direction, 
   Intersection hit;
   hit.d = d;
   if (model == IntersectionModel::plane) {
-    if (std::abs(d[splat.c]) < kPlaneMinCosine) return std::nullopt;
+    if (inPlane(splat, d)) return std::nullopt;
     hit.t = -o[splat.c] / d[splat.c];
     hit.p = o + hit.t * d;
     hit.p[splat.c] = 0.0;

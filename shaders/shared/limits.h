@@ -13,7 +13,6 @@ const float kAlphaMin = 1.0f / 255.0f;        // 3DGS: a contribution that 8 bit
 const float kTransmittanceStop = 1e-4f;       // = (1 - kAlphaMax)^2: two opaque splats end a ray, before blending
 const float kNear = 0.2f;                     // [world units] 3DGS near plane, for the mean's depth and for a hit's t
 const float kTextureExtent = 3.0f;            // [sigma] a texture covers [-3,3]^2 (paper: clip at +-3 sigma)
-const float kPlaneMinCosine = 1e-9f;          // |d_l[c]| below this: the ray lies in the plane, no hit
 const float kScreenVariance = 0.1f;           // [px^2] of the screen-space low-pass (Mip-Splatting)
 const float kEllipsoidAmbient = 0.25f;        // share of the light that a lit ellipsoid gets edge-on
 const float kCenterRadius = 1.5f;             // [px] of a dot at a Gaussian's mean

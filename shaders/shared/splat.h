@@ -145,7 +145,7 @@ TG_FN float texelDensity(vec3 wx, vec3 wy, vec3 d0, uint size_u, uint size_v, ui
   vec2 across;
   vec2 down;
   if (model == kIntersectPlane) {
-    if (d0.z < kPlaneMinCosine && d0.z > -kPlaneMinCosine) return 0.0f;
+    if (d0.z == 0.0f) return 0.0f;
     float inv = 1.0f / d0.z;
     across = vec2(-wx.y * inv, wx.x * inv);
     down = vec2(-wy.y * inv, wy.x * inv);
@@ -179,7 +179,7 @@ TG_FN bool intersectSplat(vec3 wx, vec3 wy, vec3 dx, vec3 dy, vec3 d0, float dep
   hit.power = 0.0f;
   hit.t = 0.0f;
   if (model == kIntersectPlane) {
-    if (d.z < kPlaneMinCosine && d.z > -kPlaneMinCosine) return false;
+    if (d.z == 0.0f) return false;
     float inv = 1.0f / d.z;
     hit.uv = vec2(-w.y * inv, w.x * inv);
     hit.power = hit.uv.x * hit.uv.x + hit.uv.y * hit.uv.y;

@@ -177,7 +177,7 @@ TEST_CASE("Gaussians whose square no float holds are everywhere") {
   scene.model.sh[2] = {-1.0f, 1.0f, 0.5f};
   RenderSettings settings;
   settings.antialiasing = GENERATE(Antialiasing::off, Antialiasing::screen);
-  settings.intersection = IntersectionModel::maxResponse;
+  settings.intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
   checkAgainstReference(scene, settings, allowed(SceneKind::ordinary, IntersectionModel::maxResponse));
   // The reference measures the angle between ray and plane in sigmas, of which so long ones leave none. The last one is
   // seen edge-on.

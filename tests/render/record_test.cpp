@@ -238,11 +238,11 @@ TEST_CASE("a row through an outline without an end covers all columns") {
 }
 
 TEST_CASE("a ray within a splat's plane does not hit it") {
-  Hit hit;
-  for (const float normal : {0.0f, 1e-10f, -1e-10f}) {
-    CHECK_FALSE(intersectSplat(vec3(0.1f, 0, 0), vec3(0, 0.1f, 0), vec3(0), vec3(0), vec3(0, 0, normal), 1,
-                               kIntersectPlane, vec2(1, 2), kNear, hit));
-  }
-  CHECK(intersectSplat(vec3(0.1f, 0, 0), vec3(0, 0.1f, 0), vec3(0), vec3(0), vec3(0, 0, 1), 1, kIntersectPlane,
-                       vec2(1, 2), kNear, hit));
+  const auto hits = [](float normal) {
+    Hit hit;
+    return intersectSplat(vec3(0.1f, 0, 0), vec3(0, 0.1f, 0), vec3(0), vec3(0), vec3(0, 0, normal), 1, kIntersectPlane,
+                          vec2(1, 2), kNear, hit);
+  };
+  for (const float normal : {0.0f, -0.0f}) CHECK_FALSE(hits(normal));
+  for (const float normal : {1.0f, 1e-10f, -1e-18f}) CHECK(hits(normal));  // facing it, of 1e18 units
 }
