@@ -159,8 +159,10 @@ HWY_INLINE Geometry makeGeometry(const View& view, const Batch& batch) {
   g.axes_c[1] = select(g.shortest_2, columns[1], columns[2]);
   g.axes_c[2] = select(g.shortest_2, columns[2], select(g.shortest_1, columns[1], columns[0]));
   VD scale[3] = {hn::Exp(dd, ls.x), hn::Exp(dd, ls.y), hn::Exp(dd, ls.z)};
-  const VD thinnest = hn::Mul(splat(kThinnest), hn::Max(scale[0], hn::Max(scale[1], scale[2])));
-  for (VD& s : scale) s = hn::Max(s, thinnest);
+  const VD most = hn::Max(scale[0], hn::Max(scale[1], scale[2]));
+  const VD longest = hn::Min(most, splat(double{kScaleMax} / view.splat_scale));
+  const VD thinnest = hn::Mul(splat(kThinnest), longest);
+  for (VD& s : scale) s = hn::Min(hn::Max(s, thinnest), longest);
   g.scale.x = hn::IfThenElse(g.shortest_0, scale[1], scale[0]);
   g.scale.y = hn::IfThenElse(g.shortest_2, scale[1], scale[2]);
   g.scale.z = hn::IfThenElse(g.shortest_2, scale[2], hn::IfThenElse(g.shortest_1, scale[1], scale[0]));

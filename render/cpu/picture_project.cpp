@@ -326,6 +326,11 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
   }
   const auto exp = [](V a) HWY_ATTR { return hn::Exp(f, hn::Max(set(-80.0f), hn::Min(a, set(88.0f)))); };
   V3 scale = scaled(ordered(exp(ls.x), exp(ls.y), exp(ls.z)), set(view.splat_scale));
+  {  // drawnScale() of shaders/shared/splat.h
+    const V most = hn::Min(hn::Max(scale.x, hn::Max(scale.y, scale.z)), set(kScaleMax));
+    const V least = hn::Mul(most, set(kThinnest));
+    for (V* each : {&scale.x, &scale.y, &scale.z}) *each = hn::Min(hn::Max(*each, least), most);
+  }
   V opacity_factor = one;
   if (view.antialias) {  // docs/math.md 1.4
     const V pixel = hn::Div(z, set(std::max(view.focal.x, view.focal.y)));
@@ -349,8 +354,7 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
 
   // Everything in units of the longest axis.
   const V longest = hn::Max(scale.x, hn::Max(scale.y, scale.z));
-  const auto inverse_of = [&](V s) HWY_ATTR { return hn::Min(hn::Div(longest, s), set(1.0f / kThinnest)); };
-  const V3 inverse = {inverse_of(scale.x), inverse_of(scale.y), inverse_of(scale.z)};
+  const V3 inverse = {hn::Div(longest, scale.x), hn::Div(longest, scale.y), hn::Div(longest, scale.z)};
   const V3 others = {hn::Mul(inverse.y, inverse.z), hn::Mul(inverse.x, inverse.z), hn::Mul(inverse.x, inverse.y)};
   const V3 m[3] = {product(inverse, rotation[0]), product(inverse, rotation[1]), product(inverse, rotation[2])};
   const V3 ny = product(others, rotation[1]);  // m[2] x m[0], up to the sign of the axes' order

@@ -76,13 +76,13 @@ Splat makeSplat(const Scene& scene, const RenderSettings& settings, std::uint32_
   s.z = mean_c.z;
   s.opacity = std::min(1.0, settings.opacity_scale / (1.0 + std::exp(-model.opacity_logit[i])));
   s.rotation = rotationMatrix(model.rotation[i]);
-  s.scale = glm::exp(model.log_scale[i]);
-  s.scale = glm::max(s.scale, kThinnest * std::max({s.scale.x, s.scale.y, s.scale.z}));
+  s.scale = double{settings.splat_scale} * glm::exp(model.log_scale[i]);
+  const double longest = std::min(std::max({s.scale.x, s.scale.y, s.scale.z}), kScaleMax);
+  s.scale = glm::clamp(s.scale, kThinnest * longest, longest);
   const LocalAxes axes = localAxes(model.log_scale[i]);
   s.a = axes.a;
   s.b = axes.b;
   s.c = axes.c;
-  s.scale *= static_cast<double>(settings.splat_scale);
   if (settings.antialiasing == Antialiasing::screen) {
     antialias(scene.camera, scene.eye - model.mean[i], scene.intersection, s);
   }

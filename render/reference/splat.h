@@ -17,6 +17,7 @@ constexpr double kAlphaMin = 1.0 / 255.0;
 constexpr double kTransmittanceStop = 1e-4;
 constexpr double kTextureExtent = 3.0;
 constexpr double kPlaneMinCosine = 1e-9;
+constexpr double kScaleMax = 1e18;
 constexpr double kScreenVariance = 0.1;
 constexpr double kEllipsoidAmbient = 0.25;
 constexpr double kCenterRadius = 1.5;

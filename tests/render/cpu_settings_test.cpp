@@ -199,9 +199,37 @@ TEST_CASE("an axis whose scale no number holds is drawn as the thinnest one, in 
     const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, everything(intersection));
     const auto found = renderReference(ReferenceModel(thinner.model), scene.camera, everything(intersection));
     const Frame frame = renderCpu(thinner.model, scene.camera, everything(intersection));
-    for (std::size_t i = 0; i < frame.picture.size(); ++i) {
+    for (std::size_t i = 0; i < frame.base.size(); ++i) {
       REQUIRE(glm::length(found.color(i) - reference.color(i)) < 1e-6);
       REQUIRE(glm::length(glm::dvec3(frame.color(i)) - reference.color(i)) < 1e-4);
+    }
+  }
+}
+
+TEST_CASE("an axis longer than any number is drawn as the longest one in every output") {
+  for (const auto intersection : kModels) {
+    for (const glm::vec3 log_scale :
+         {glm::vec3(720.0f, 1.0f, 0.0f), glm::vec3(720.0f), glm::vec3(2.0f, -1.0f, 90.0f)}) {
+      for (const float splat_scale : {1.0f, 3.0f}) {
+        TestScene scene = thinDiscScene(1.0f, true);
+        scene.model.opacity_logit[0] = 0.0f;
+        TestScene longest = scene;
+        scene.model.log_scale[0] = log_scale;
+        longest.model.log_scale[0] = glm::log(glm::clamp(glm::exp(glm::min(log_scale, 80.0f)), 2e9f, 1e18f));
+        INFO(name(intersection) << " " << log_scale.x << " " << log_scale.z << " " << splat_scale);
+        RenderSettings settings = everything(intersection), alone = pictureAlone(intersection);
+        settings.splat_scale = alone.splat_scale = splat_scale;
+        const auto reference = renderReference(ReferenceModel(longest.model), scene.camera, settings);
+        const auto found = renderReference(ReferenceModel(scene.model), scene.camera, settings);
+        const Frame frame = renderCpu(scene.model, scene.camera, settings);
+        alone.background = settings.background;
+        const Frame picture = renderCpu(scene.model, scene.camera, alone);
+        for (std::size_t i = 0; i < frame.base.size(); ++i) {
+          REQUIRE(glm::length(found.color(i) - reference.color(i)) < 1e-5);
+          REQUIRE(glm::length(glm::dvec3(frame.color(i)) - reference.color(i)) < 1e-4);
+          REQUIRE(glm::length(glm::dvec3(picture.color(i)) - reference.color(i)) < 1e-4);
+        }
+      }
     }
   }
 }

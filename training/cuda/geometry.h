@@ -77,7 +77,8 @@ TG_DEVICE Geometry makeGeometry(const View& view, const Parameters& model, std::
     g.axes_c[k] = view.rotation * pick(columns, order[k]);
     g.scale[k] = ::exp(static_cast<double>(log_scale[order[k]]));
   }
-  g.scale = glm::max(g.scale, kThinnest * glm::max(g.scale.x, glm::max(g.scale.y, g.scale.z)));
+  const double longest = glm::min(glm::max(g.scale.x, glm::max(g.scale.y, g.scale.z)), double{kScaleMax});
+  g.scale = glm::clamp(g.scale, kThinnest * longest, longest);
   for (int j = 0; j < 3; ++j) {
     g.m[j] = glm::dvec3(g.axes_c[0][j], g.axes_c[1][j], g.axes_c[2][j]) / g.scale;
   }
