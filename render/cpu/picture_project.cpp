@@ -226,17 +226,17 @@ HWY_INLINE void rotationColumns(V w, V x, V y, V z, V3* columns) {
 }
 
 // Bounds [px] of one coordinate of an ellipsoid, tangentBounds() of shaders/shared/splat.h with c = its centre's ray.
-// lm, lz: the rows of its root for that coordinate and for z. Lanes that touch the plane z = 0 leave `bounded`.
+// lm, lz: the rows of its root for that coordinate and for z, over the centre's z. Lanes that touch the plane z = 0
+// leave `bounded`.
 struct Bounds {
   V low, high;
 };
-HWY_INLINE Bounds tangentBounds(V c, V z, V3 lm, V3 lz, V center, double focal, M& bounded) {
+HWY_INLINE Bounds tangentBounds(V c, V3 lm, V3 lz, V center, double focal, M& bounded) {
   const V3 e = subtractScaled(lz, c, lm);
-  const V zz = hn::Mul(z, z);
-  const V denominator = hn::Sub(zz, dot(lz, lz));
-  bounded = hn::And(bounded, hn::Gt(denominator, hn::Mul(set(1e-4f), zz)));
+  const V denominator = hn::Sub(set(1.0f), dot(lz, lz));
+  bounded = hn::And(bounded, hn::Gt(denominator, set(1e-4f)));
   const V3 ez = cross(e, lz);
-  const V root = hn::Sqrt(hn::Max(hn::MulSub(zz, dot(e, e), dot(ez, ez)), hn::Zero(f)));
+  const V root = hn::Sqrt(hn::Max(hn::Sub(dot(e, e), dot(ez, ez)), hn::Zero(f)));
   const V middle = hn::Neg(dot(e, lz));
   const V scale = hn::Div(set(focal), denominator);
   return {hn::MulAdd(hn::Sub(middle, root), scale, center), hn::MulAdd(hn::Add(middle, root), scale, center)};
@@ -408,8 +408,10 @@ HWY_INLINE std::size_t putRecords(const ProjectArgs& args, const Seen& seen, std
   if (plane) extent.z = zero;
   const V3 lz = product(extent, rotation[2]);
   M bounded = hn::Gt(z, zero);
-  const Bounds bx = tangentBounds(ray_x, z, product(extent, rotation[0]), lz, center_x, view.focal.x, bounded);
-  const Bounds by = tangentBounds(ray_y, z, product(extent, rotation[1]), lz, center_y, view.focal.y, bounded);
+  const V3 over_z = scaled(extent, hn::Div(one, z));
+  const V3 slope = product(over_z, rotation[2]);
+  const Bounds bx = tangentBounds(ray_x, product(over_z, rotation[0]), slope, center_x, view.focal.x, bounded);
+  const Bounds by = tangentBounds(ray_y, product(over_z, rotation[1]), slope, center_y, view.focal.y, bounded);
   for (const V& side : {bx.low, bx.high, by.low, by.high}) {
     bounded = hn::And(bounded, hn::Lt(hn::Abs(side), set(1e30f)));  // no number: the whole image
   }

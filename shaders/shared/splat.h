@@ -59,14 +59,16 @@ TG_FN float visibleRadius(float opacity) {
 // Returns false when the ellipsoid touches the plane z = 0: every coordinate is then possible.
 TG_FN bool tangentBounds(float m, float z, vec3 lm, vec3 lz, TG_OUT(vec2) bounds) {
   float c = m / z;
-  vec3 e = lm - c * lz;
-  float denominator = z * z - dot(lz, lz);
+  float inv_z = 1.0f / z;  // all in units of z: of products of four lengths float holds few
+  vec3 slope = inv_z * lz;
+  vec3 e = inv_z * lm - c * slope;
+  float denominator = 1.0f - dot(slope, slope);
   bounds = vec2(c, c);
-  if (z <= 0.0f || denominator <= 1e-6f * z * z) return false;
-  vec3 ez = cross(e, lz);
-  float disc = z * z * dot(e, e) - dot(ez, ez);
+  if (z <= 0.0f || denominator <= 1e-6f) return false;
+  vec3 ez = cross(e, slope);
+  float disc = dot(e, e) - dot(ez, ez);
   float root = sqrt(max(disc, 0.0f));
-  float mid = -dot(e, lz);
+  float mid = -dot(e, slope);
   bounds = vec2(c + (mid - root) / denominator, c + (mid + root) / denominator);
   return true;
 }

@@ -234,6 +234,25 @@ TEST_CASE("an axis longer than any number is drawn as the longest one in every o
   }
 }
 
+TEST_CASE("a scene in units of any size equals the reference's and one of its own size") {
+  const TestScene scene = makeScene(SceneKind::ordinary, 15);
+  for (const auto intersection : kModels) {
+    const RenderSettings settings = everything(intersection);
+    const auto own = renderReference(ReferenceModel(scene.model), scene.camera, settings);
+    for (const float unit : {0x1p31f, 0x1p34f, 0x1p56f}) {
+      INFO(name(intersection) << " " << unit);
+      const TestScene scaled = scaledScene(scene, unit);
+      const auto reference = renderReference(ReferenceModel(scaled.model), scaled.camera, settings);
+      CHECK(strays(reference.base, own.base, 2e-3) <= 0.005);
+      CHECK(strays(reference.texel_density, own.texel_density, 2e-3) <= 0.005);
+      checkPicture(SceneKind::ordinary, scaled, pictureAlone(intersection));
+      const Frame frame = renderCpu(scaled.model, scaled.camera, settings);
+      CHECK(strays(frame.base, reference.base, 2e-3) <= 0.005);
+      CHECK(strays(frame.texel_density, reference.texel_density, 2e-3) <= 0.005);
+    }
+  }
+}
+
 TEST_CASE("quaternions of every length that models may have turn Gaussians alike bit for bit") {
   for (const auto& settings : {everything(IntersectionModel::maxResponse), pictureAlone(IntersectionModel::plane)}) {
     TestScene scene = makeScene(SceneKind::ordinary, 15);

@@ -289,7 +289,7 @@ TEST_CASE("a screen box is the same in every unit of length and has an end until
     const mat3 axes = rotationFromQuaternion(vec4(0.9f, 0.2f, -0.3f, 0.1f));
     return splatBox(mean, axes, vec3(mean.z * reach), 1.0f, false, vec4(100, 100, 32.5f, 32.5f), box);
   };
-  for (const float unit : {0x1p-14f, 0x1p-3f, 0x1p14f}) {
+  for (const float unit : {0x1p-60f, 0x1p-14f, 0x1p-3f, 0x1p14f, 0x1p36f, 0x1p60f}) {
     INFO("unit " << unit);
     vec4 box, expected;
     for (const float reach : {0.1f, 0.999f}) {

@@ -327,4 +327,11 @@ TestScene thinDiscScene(float thinness, bool turned) {
   return scene;
 }
 
+TestScene scaledScene(TestScene scene, float unit) {
+  for (glm::vec3& mean : scene.model.mean) mean *= unit;
+  for (glm::vec3& log_scale : scene.model.log_scale) log_scale += std::log(unit);
+  scene.camera.translation *= unit;
+  return scene;
+}
+
 }  // namespace tg::test

@@ -55,6 +55,8 @@ Tolerance raysInPlaneTolerance();  // the next columns see it from 2e-3 rad, whe
 
 // A disc, `thinness` times as thick as wide, that faces the camera or is turned away a little. 32 x 32 pixels.
 TestScene thinDiscScene(float thinness, bool turned);
+// The same scene where a unit of length is so many; near planes stay.
+TestScene scaledScene(TestScene scene, float unit);
 
 // Uniform numbers that are the same with every standard library.
 class Random {
