@@ -14,10 +14,7 @@ namespace tg {
 namespace {
 
 constexpr std::uint64_t kDeviceTimeout = 300'000'000'000;  // [ns] software devices compile shaders in the first frame
-
-[[noreturn]] void refuseTimeout(const std::string& what) {
-  throw Error(ErrorKind::device, "Vulkan: waited " + std::to_string(kDeviceTimeout / 1'000'000'000) + " s for " + what);
-}
+constexpr std::uint64_t kImageTimeout = 250'000'000;       // [ns] a hidden window gets none before it is seen again
 
 // The picture holds display-referred numbers: an _SRGB format would encode them twice.
 VkSurfaceFormatKHR chooseFormat(VkPhysicalDevice physical, VkSurfaceKHR surface) {
@@ -132,7 +129,10 @@ void Presenter::submit(Submission& submission, VkSemaphore wait, VkSemaphore sig
 void Presenter::await(Submission& submission) {
   if (!submission.under_way) return;
   const VkResult waited = vkWaitForFences(device_.device, 1, &submission.fence, VK_TRUE, kDeviceTimeout);
-  if (waited == VK_TIMEOUT) refuseTimeout("a frame");
+  if (waited == VK_TIMEOUT) {
+    throw Error(ErrorKind::device,
+                "Vulkan: waited " + std::to_string(kDeviceTimeout / 1'000'000'000) + " s for a frame");
+  }
   TG_VK(waited);
   TG_VK(vkResetFences(device_.device, 1, &submission.fence));
   submission.under_way = false;
@@ -253,14 +253,14 @@ bool Presenter::acquire(glm::ivec2 framebuffer_size) {
   for (int attempt = 0; attempt < 8; ++attempt) {
     if (targets_.empty() || stale_ || size() != framebuffer_size) createSwapchain(framebuffer_size);
     if (targets_.empty()) return false;
-    const VkResult result = vkAcquireNextImageKHR(device_.device, swapchain_, kDeviceTimeout, frames_[frame_].acquired,
+    const VkResult result = vkAcquireNextImageKHR(device_.device, swapchain_, kImageTimeout, frames_[frame_].acquired,
                                                   VK_NULL_HANDLE, &index_);
     if (result == VK_ERROR_OUT_OF_DATE_KHR) {
       stale_ = true;
       continue;
     }
+    if (result == VK_TIMEOUT || result == VK_NOT_READY) return false;
     stale_ = result == VK_SUBOPTIMAL_KHR;
-    if (result == VK_TIMEOUT || result == VK_NOT_READY) refuseTimeout("the window to hand out an image");
     TG_VK(result);
     return true;
   }

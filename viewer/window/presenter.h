@@ -36,7 +36,8 @@ class Presenter {
   VkRenderPass renderPass() const { return render_pass_; }
   glm::ivec2 size() const { return {static_cast<int>(extent_.width), static_cast<int>(extent_.height)}; }
 
-  // (Re)makes the swapchain where needed. False: the window shows nothing now (minimised); try again later.
+  // (Re)makes the swapchain where needed. False: the window shows nothing now (minimised, or the window system takes no
+  // image); try again later.
   bool acquire(glm::ivec2 framebuffer_size);
   VkCommandBuffer beginFrame();
   // Clears the window and scales the pictures into it, in their order. Their images, as `image_of` has them, are in

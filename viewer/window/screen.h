@@ -41,7 +41,7 @@ class Screen {
   virtual std::unique_ptr<PictureDevice> makePictureDevice() = 0;
 
   virtual glm::ivec2 size() const = 0;  // [px]
-  // False: the window shows nothing now (minimised); try again later.
+  // False: the window shows nothing now (minimised, or the window system takes no image); try again later.
   virtual bool acquire(glm::ivec2 framebuffer_size) = 0;
   // Clears the window, scales the pictures into it, in their order, and draws what ImGui::Render() left over them when
   // `panels`.

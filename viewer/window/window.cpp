@@ -50,6 +50,7 @@ constexpr double kMotionPause = 0.008;   // [s] between frames while the camera 
 constexpr double kDoubleClick = 0.4;     // [s] at most between its presses
 constexpr double kStill = 3;             // [UiState::scale] a hand moves while it clicks
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
+constexpr int kTrialFrames = 120;        // shown since the device failed, after which it may fail again
 
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
 
@@ -96,6 +97,7 @@ class Viewer {
   void openCameraFiles();
   void inspectClick();
   bool scriptMayGoOn() const;
+  void waitToBeShown(glm::ivec2 pixels);
   bool onDevice(const std::function<void()>& draw);
   bool timedOnDevice(const std::function<void()>& draw);
 
@@ -148,7 +150,8 @@ class Viewer {
   FrameTimings frame_timings_;
   bool shown_any_ = false;               // a model
   std::string title_;                    // of the window
-  bool recovered_ = false;               // the device has failed once
+  int trial_ = 0;                        // frames before which the device may not fail again
+  double shown_ = 0;                     // [s] window time at which the window system took an image, or wanted none
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
   DesktopControl desktop_;
@@ -221,11 +224,10 @@ int Viewer::run() {
     bool visible = false;
     if (!timedOnDevice([&] { visible = graphics_->screen().acquire(pixels); })) continue;
     if (!visible) {
-      glfwWaitEventsTimeout(0.1);
-      if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize());
+      waitToBeShown(pixels);
       continue;
     }
-    state_.time = glfwGetTime();
+    state_.time = shown_ = glfwGetTime();
     graphics_->gui.beginFrame(events_);
     state_.ui.scale = graphics_->gui.scale();
     if (heardInput(events_) || graphics_->gui.inputQueued()) frames_since_event_ = 0;
@@ -259,6 +261,7 @@ int Viewer::run() {
       drawFrame();
       if ((complete() && !measuring()) || !capturing()) capture();
       graphics_->screen().present();
+      trial_ = std::max(0, trial_ - 1);
     });
     if (options_.timings) frame_timings_.frameShown();
   }
@@ -271,15 +274,28 @@ int Viewer::run() {
   return signals_.received();
 }
 
+// For a window of so many pixels that shows nothing now.
+void Viewer::waitToBeShown(glm::ivec2 pixels) {
+  glfwWaitEventsTimeout(0.1);
+  if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize());
+  if (pixels.x <= 0 || pixels.y <= 0) {  // until an event
+    shown_ = glfwGetTime();
+    return;
+  }
+  frames_since_event_ = 0;  // no event tells when the window system takes images again
+  if (!script_ || glfwGetTime() - shown_ < additions_.patience) return;
+  failAtLast(*script_, {ErrorKind::device, "the window system takes no image (is the window hidden?)"});
+}
+
 // Runs what talks to the device outside of the picture thread. When that fails everything on the device is made anew,
-// the window, too, with the CPU renderer; false then. Throws when it fails again.
+// the window, too, with the CPU renderer; false then. Throws when it fails again before it has shown enough frames.
 bool Viewer::onDevice(const std::function<void()>& draw) {
   try {
     draw();
     return true;
   } catch (const Error& error) {
-    if (error.kind != ErrorKind::device || recovered_) throw;
-    recovered_ = true;
+    if (error.kind != ErrorKind::device || trial_ > 0) throw;
+    trial_ = kTrialFrames;
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
     if (script_) script_->error = state_.messages.error;  // its pictures stay what they are
   }

@@ -2,6 +2,8 @@
 // tgview's window on a device that fails or dawdles when a script says so:
 //   lose-device           the next picture on a device fails as on a lost one
 //   lose-window-device    the window's next frame does
+//   withhold-images COUNT the window system has no image for the window's next so many frames, where it is Vulkan's
+//   crowd ROWS            pictures on a device of more rows have more pairs than it binds
 //   hold-picture FILE     the next picture waits until there is such a file, at most 60 s
 //   hold-frame FILE       the next frame of the window waits likewise, after its events; it makes FILE.held before
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
@@ -9,12 +11,17 @@
 //   await-scene           until a scene with levels of detail is shown
 #include <GLFW/glfw3.h>
 
+#ifdef TG_VULKAN
+#include <vulkan/vulkan.h>
+#endif
+
 #include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <thread>
 #include <utility>
@@ -36,6 +43,8 @@ constexpr int kWithoutGlfw = 71;  // exit code: a file was being read when GLFW 
 
 // Each is met once.
 std::atomic<bool> lose_device{false}, lose_window{false};
+std::atomic<int> withheld{0};  // images
+std::atomic<int> crowd{std::numeric_limits<int>::max()};
 std::atomic<bool> hold_picture{false};
 std::filesystem::path held_until;  // written before hold_picture
 std::filesystem::path hold_frame;  // of the window's thread; empty: none
@@ -45,6 +54,8 @@ std::atomic<bool> hold_finest{false};
 constexpr std::array kVerbs = {
     Verb{"lose-device", 0, 1, [](const Call&) { lose_device = true; }},
     Verb{"lose-window-device", 0, 1, [](const Call&) { lose_window = true; }},
+    Verb{"withhold-images", 1, 0, [](const Call& c) { withheld = static_cast<int>(c.number(0, 1, 1e6)); }},
+    Verb{"crowd", 1, 1, [](const Call& c) { crowd = static_cast<int>(c.number(0, 1, 1e6)); }},
     Verb{"hold-picture", 1, 0,
          [](const Call& c) {
            held_until = c[0];
@@ -156,11 +167,35 @@ int run(int argc, char** argv) {
   CommandLine line;
   if (const std::optional<int> code = readFlags(argc, argv, line)) return *code;
   const auto wrap = [](std::unique_ptr<Screen> screen) { return std::make_unique<FaultyScreen>(std::move(screen)); };
-  runWindow(line.view, {wrap, kVerbs, readSlowly, heldFiles});
+  runWindow(line.view, {wrap, kVerbs, readSlowly, heldFiles, 3});
   return 0;
 }
 
 }  // namespace
+
+#ifdef TG_VULKAN
+// The linker puts these before Vulkan's own (--wrap).
+extern "C" {
+VkResult __real_vkAcquireNextImageKHR(VkDevice, VkSwapchainKHR, std::uint64_t, VkSemaphore, VkFence, std::uint32_t*);
+VkResult __real_vkGetPhysicalDeviceSurfaceCapabilitiesKHR(VkPhysicalDevice, VkSurfaceKHR, VkSurfaceCapabilitiesKHR*);
+
+VkResult __wrap_vkAcquireNextImageKHR(VkDevice device, VkSwapchainKHR swapchain, std::uint64_t nanoseconds,
+                                      VkSemaphore semaphore, VkFence fence, std::uint32_t* index) {
+  constexpr int kWaitsLong = 72;  // exit code: nobody is to wait long for an image
+  if (nanoseconds > 1'000'000'000) std::_Exit(kWaitsLong);
+  if (withheld == 0) return __real_vkAcquireNextImageKHR(device, swapchain, nanoseconds, semaphore, fence, index);
+  --withheld;
+  return withheld % 2 == 0 ? VK_TIMEOUT : VK_NOT_READY;
+}
+
+VkResult __wrap_vkGetPhysicalDeviceSurfaceCapabilitiesKHR(VkPhysicalDevice physical, VkSurfaceKHR surface,
+                                                          VkSurfaceCapabilitiesKHR* capabilities) {
+  const VkResult result = __real_vkGetPhysicalDeviceSurfaceCapabilitiesKHR(physical, surface, capabilities);
+  if (std::getenv("TG_NO_COPIES")) capabilities->supportedUsageFlags = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
+  return result;
+}
+}
+#endif
 
 int main(int argc, char** argv) {
   return runProgram("tgview", [&] { return run(argc, argv); });

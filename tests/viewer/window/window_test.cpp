@@ -299,6 +299,46 @@ TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and
   }
 }
 
+TEST_CASE("a window that the window system has no image for shows its picture later", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\nwithhold-images 7\norbit 10 0\nwait 1\nsave-camera turned.json\nwithhold-images 3\n"
+       "window turned.png\n",
+       "240x180", backendOr("vulkan"), {}, TG_TGVIEW_UNDER_TEST);
+  CHECK(psnr(shop.read("turned.png"), render(shop, {"--camera", "turned.json"})) > 45);
+}
+
+TEST_CASE("a script whose window gets no image for too long ends and says so", "[window]") {
+  TG_SKIP_IF(noWindow());
+  TG_SKIP_IF(backendOr("vulkan") != "vulkan" ? "images are Vulkan's" : "");
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "wait 2\nwithhold-images 1e6\nwait 1\n");
+  const ProcessResult result =
+      shop.tgview({"model.tgz", "--script", "script.txt", "--size", "96x64", "--backend", "vulkan"}, kXServer,
+                  TG_TGVIEW_UNDER_TEST);
+  CHECK(result.exit_code == 5);
+  CHECK_THAT(result.err, Contains("the window system takes no image"));
+}
+
+TEST_CASE("a window's device may fail again once it has shown its frames but not at once", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\nlose-window-device\nwait 150\nlose-window-device\nwait 3\nkey Esc\nsave-camera c.json\n"
+       "window after.png\n",
+       "120x90", backendOr("vulkan"), {}, TG_TGVIEW_UNDER_TEST);
+  CHECK(psnr(shop.read("after.png"), render(shop, {"--camera", "c.json"})) > 45);
+  shop.write("script.txt", "wait 2\nlose-window-device\nwait 3\nlose-window-device\nwait 3\n");
+  const ProcessResult result =
+      shop.tgview({"model.tgz", "--script", "script.txt", "--size", "96x64", "--backend", backendOr("vulkan")},
+                  kXServer, TG_TGVIEW_UNDER_TEST);
+  CHECK(result.exit_code == 5);
+}
+
 TEST_CASE("the picture's resolution follows the state, the window's does not", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
