@@ -30,6 +30,12 @@ VkSurfaceFormatKHR chooseFormat(VkPhysicalDevice physical, VkSurfaceKHR surface)
   throw Error(ErrorKind::device, "the window offers no 8-bit UNORM format (expected B8G8R8A8 or R8G8B8A8)");
 }
 
+VkSurfaceCapabilitiesKHR capabilitiesOf(const VulkanDevice& device) {
+  VkSurfaceCapabilitiesKHR capabilities;
+  TG_VK(vkGetPhysicalDeviceSurfaceCapabilitiesKHR(device.physical, device.surface, &capabilities));
+  return capabilities;
+}
+
 constexpr VkImageSubresourceRange kColor{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
 constexpr VkImageSubresourceLayers kColorLayer{VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
 
@@ -60,6 +66,9 @@ void imageBarrier(VkCommandBuffer commands, VkImage image, ImageUse before, Imag
 
 Presenter::Presenter(VulkanDevice& device, int frames_in_flight) : device_(device) {
   format_ = chooseFormat(device_.physical, device_.surface);
+  if (!(capabilitiesOf(device_).supportedUsageFlags & VK_IMAGE_USAGE_TRANSFER_DST_BIT)) {
+    throw Error(ErrorKind::device, "Vulkan: this window system does not let pictures be copied into a window");
+  }
   createRenderPass();
   VkCommandPoolCreateInfo pool{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
   pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
@@ -181,8 +190,7 @@ void Presenter::destroyTargets() {
 void Presenter::createSwapchain(glm::ivec2 framebuffer_size) {
   for (Submission& frame : frames_) await(frame);
   waitIdle();  // for what the window system does with an image
-  VkSurfaceCapabilitiesKHR capabilities;
-  TG_VK(vkGetPhysicalDeviceSurfaceCapabilitiesKHR(device_.physical, device_.surface, &capabilities));
+  const VkSurfaceCapabilitiesKHR capabilities = capabilitiesOf(device_);
   extent_ = capabilities.currentExtent;
   if (extent_.width == UINT32_MAX) {  // the window follows the swapchain (Wayland)
     const VkExtent2D low = capabilities.minImageExtent, high = capabilities.maxImageExtent;

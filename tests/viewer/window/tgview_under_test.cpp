@@ -9,6 +9,7 @@
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
 //   hold-finest on/off    files of the finest level of a scene wait while it is on, at most 60 s
 //   await-scene           until a scene with levels of detail is shown
+// With TG_NO_COPIES in the environment its window is one that Vulkan may not copy into.
 #include <GLFW/glfw3.h>
 
 #ifdef TG_VULKAN

@@ -299,6 +299,27 @@ TEST_CASE("any number of frames in flight, a moving camera, a storm of sizes and
   }
 }
 
+TEST_CASE("where Vulkan may not copy pictures into windows they are OpenGL's") {
+  TG_SKIP_IF(test::noWindow("opengl"));
+  TG_SKIP_IF(noWindow());
+  std::vector<std::string> prefix = {"TG_NO_COPIES=1"};
+  prefix.insert(prefix.end(), kXServer.begin(), kXServer.end());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "panel off\nwait 2\nwindow window.png\n");
+  const auto window = [&](const std::string& backend) {
+    return shop.tgview({"model.tgz", "--script", "script.txt", "--size", "240x180", "--backend", backend}, prefix,
+                       TG_TGVIEW_UNDER_TEST);
+  };
+  const ProcessResult automatic = window("auto");
+  INFO(automatic.err);
+  REQUIRE(automatic.exit_code == 0);
+  CHECK(psnr(shop.read("window.png"), render(shop, {"--size", "240x180"})) > 45);
+  const ProcessResult refused = window("vulkan");
+  CHECK(refused.exit_code == 5);
+  CHECK_THAT(refused.err, Contains("does not let pictures be copied into a window"));
+}
+
 TEST_CASE("a window that the window system has no image for shows its picture later", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
