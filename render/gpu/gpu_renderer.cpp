@@ -11,6 +11,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "shared/layout.h"
+#include "shared/limits.h"
 
 namespace tg {
 namespace {
@@ -87,13 +88,22 @@ void GpuRenderer::setModel(const GaussianModel& model) {
 }
 
 Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) {
+  checkFrame(camera, settings);
+  const int rows = rowsAtOnce(camera);
+  if (rows < camera.size.y) return renderBands(camera, settings, rows);
+  try {
+    return renderWhole(camera, settings);
+  } catch (const TooManyPairs&) {
+    if (rows <= static_cast<int>(kTileSize)) throw;
+  }
+  return renderBands(camera, settings, halfOfRows(rows));
+}
+
+Frame GpuRenderer::renderWhole(const Camera& camera, const RenderSettings& settings) {
   FrameVariant variant = variantFor(settings.outputs);
   OutputSet outputs = settings.outputs;
   if (variant.all) outputs = outputs | kOrderedOutputs;
   if (outputs.has(Output::final)) outputs = outputs | OutputSet{Output::alpha};
-  checkFrame(camera, settings);
-  const int rows = rowsAtOnce(camera);
-  if (rows < camera.size.y) return renderBands(camera, settings, rows);
   fitImage(camera);
   Frame frame(camera.size.x, camera.size.y, outputs);
   if (variant.all || outputs.hasAny({Output::final, Output::alpha}) || !outputs.hasAny(kSolidOutputs)) {
@@ -114,7 +124,8 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   return frame;
 }
 
-// Pictures that the device cannot hold at once, from the top down. Counts are those of the last band, times of all.
+// Pictures that the device cannot hold or sort at once, from the top down. Counts are those of the last band, times of
+// all.
 Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& settings, int rows) {
   Frame frame;
   std::vector<PassTime> times;
@@ -152,6 +163,11 @@ void GpuRenderer::run(const Recording& recording) {
   }
 }
 
+int halfOfRows(int rows) {
+  constexpr int kTile = kTileSize;
+  return (rows / 2 + kTile - 1) / kTile * kTile;
+}
+
 void drawWhole(const std::function<bool()>& draw) {
   constexpr int kMaxGrowth = 8;
   for (int attempt = 0; attempt < kMaxGrowth; ++attempt) {
@@ -187,9 +203,9 @@ bool GpuRenderer::finishFrame() {
   if (pairs <= pairs_->capacity) return blendedAll(counters.longest_list);
   const std::uint32_t most = maxPairCapacity(device_->limits(), tuning_);
   if (pairs > most) {
-    throw Error(ErrorKind::device, device_->limits().device,
-                "the view needs " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +
-                    " pairs of tile and splat (expected at most " + std::to_string(most) + ")");
+    throw TooManyPairs(ErrorKind::device, device_->limits().device,
+                       "the view needs " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +
+                           " pairs of tile and splat (expected at most " + std::to_string(most) + ")");
   }
   makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{pairs} + pairs / 4, most)));
   return false;

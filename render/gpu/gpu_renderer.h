@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/error.h"
 #include "render/gpu/frame.h"
 #include "render/renderer.h"
 
@@ -18,6 +19,11 @@ namespace tg {
 struct OutputRange {
   std::uint32_t least = ~0u;
   std::uint32_t most = 0;
+};
+
+// A view has more pairs of tile and splat than the device binds; fewer of its rows have fewer.
+struct TooManyPairs : Error {
+  using Error::Error;
 };
 
 // One frame of the live viewer.
@@ -51,7 +57,7 @@ class GpuRenderer : public Renderer {
   // How many rows of the camera's image draw() can draw at once. Throws Error(device) when none.
   int rowsAtOnce(const Camera& camera) const;
   // Draws the picture of the requested output and waits for it. False: the pair buffer overflowed, the picture is
-  // incomplete and the buffers have been grown for the next frame.
+  // incomplete and the buffers have been grown for the next frame. Throws TooManyPairs where they cannot grow so far.
   bool draw(const FrameRequest& request);
   // What draw() drew, 3 channels.
   Image picture() { return device_->download(image_->picture, image_->width, image_->height); }
@@ -76,6 +82,7 @@ class GpuRenderer : public Renderer {
   std::uint32_t roundsFor(std::uint32_t longest_list) const;
   bool blendedAll(std::uint32_t longest_list);
   FrameVariant variantOf(const RenderSettings& settings, FrameVariant variant) const;
+  Frame renderWhole(const Camera& camera, const RenderSettings& settings);
   Frame renderBands(const Camera& camera, const RenderSettings& settings, int rows);
   void checkFrame(const Camera& camera, const RenderSettings& settings) const;
   void run(const Recording& recording);
@@ -101,6 +108,10 @@ class GpuRenderer : public Renderer {
   std::vector<PassTime> times_;
   FrameCounts counts_;
 };
+
+// Of a picture of so many rows, more than a tile has: how many are in the bands into which it is cut where it has too
+// many pairs, at least those of a row of tiles.
+int halfOfRows(int rows);
 
 // Repeats a frame until its buffers are large enough: `draw` is GpuRenderer::draw() or returns as it does. Throws
 // Error(device) where they never are.

@@ -11,6 +11,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "render/visualize.h"
+#include "shared/limits.h"
 #include "viewer/picture/photographs.h"
 #include "viewer/view/legend.h"
 
@@ -134,7 +135,7 @@ std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
   TG_ASSERT(!begun_.empty(), "a picture was begun");
   Begun& oldest = begun_.front();
   if (oldest.model) {
-    const std::optional<bool> whole = device_.finish(milliseconds_at_most);
+    const std::optional<bool> whole = finishOldest(milliseconds_at_most);
     if (!whole) return std::nullopt;
     if (!*whole) {
       // Those begun after it wait for their turn in the same way: a frame that overflows leaves none under way.
@@ -153,6 +154,15 @@ std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
   device_free_ = now;
   begun_.pop_front();
   return picture;
+}
+
+// As the device says it; a picture that it can draw in parts alone is not whole.
+std::optional<bool> PictureMaker::finishOldest(double milliseconds_at_most) {
+  try {
+    return device_.finish(milliseconds_at_most);
+  } catch (const TooManyPairs&) {
+    return false;
+  }
 }
 
 void PictureMaker::describe(Picture& picture, const Loaded& model) const {
@@ -268,10 +278,22 @@ std::optional<ValueScale> PictureMaker::drawModel(Loaded& loaded, const PictureR
 // Returns the range of the whole picture's numbers. Its colours span those of `beside`, too.
 OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target,
                                        const OutputRange& beside) {
+  for (int rows = std::min(loaded.gpu->rowsAtOnce(request.camera), request.camera.size.y);; rows = halfOfRows(rows)) {
+    try {
+      return drawParts(loaded, request, target, beside, rows);
+    } catch (const TooManyPairs&) {
+      if (rows <= static_cast<int>(kTileSize)) throw;
+    }
+  }
+}
+
+// At most so many rows at once.
+OutputRange PictureMaker::drawParts(Loaded& loaded, const PictureRequest& request, PictureImage& target,
+                                    const OutputRange& beside, int most) {
   FrameRequest frame = frameOf(request);
   frame.beside = beside;
   const auto drawPart = [&](int top) { drawWhole([&] { return device_.draw(*loaded.gpu, frame, target, top); }); };
-  const int height = request.camera.size.y, most = loaded.gpu->rowsAtOnce(request.camera);
+  const int height = request.camera.size.y;
   if (most >= height) {
     drawPart(0);
     return loaded.gpu->counts().range;

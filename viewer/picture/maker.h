@@ -41,6 +41,7 @@ class PictureMaker {
   };
   void forgetPhotograph();
   void draw(Picture& picture);
+  std::optional<bool> finishOldest(double milliseconds_at_most);
   void describe(Picture& picture, const Loaded& model) const;
   Loaded& loaded(const std::shared_ptr<const GaussianModel>& model);
   std::shared_ptr<PictureImage> freeImage(glm::ivec2 size);
@@ -49,6 +50,8 @@ class PictureMaker {
                                       Image* pixels);
   OutputRange drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target,
                            const OutputRange& beside = {});
+  OutputRange drawParts(Loaded& loaded, const PictureRequest& request, PictureImage& target, const OutputRange& beside,
+                        int most);
   void drawBoth(const PictureRequest& request, Picture& picture, PicturePair& pair);
   void drawOther(const PictureRequest& request, Picture& picture, PicturePair& pair);
   void drawError(const PictureRequest& request, Picture& picture, const PicturePair& pair);

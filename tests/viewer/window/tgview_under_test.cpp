@@ -20,6 +20,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -102,6 +103,10 @@ LodReader heldFiles(LodReader files) {
   };
 }
 
+void refuseCrowd(int rows) {
+  if (rows > crowd) throw TooManyPairs(ErrorKind::device, "more pairs than a script allows");
+}
+
 // What the CPU draws is only uploaded, and is not lost with the device.
 class FaultyDevice final : public PictureDevice {
  public:
@@ -112,15 +117,28 @@ class FaultyDevice final : public PictureDevice {
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     loseIf(lose_device);
     dawdle();
+    refuseCrowd(request.camera.size.y);
     return device_->draw(renderer, request, target, top);
   }
   bool begin(GpuRenderer& renderer, const FrameRequest& request, const std::shared_ptr<PictureImage>& target) override {
     loseIf(lose_device);
     dawdle();
-    return device_->begin(renderer, request, target);
+    const bool begun = device_->begin(renderer, request, target);
+    if (begun) rows_.push_back(request.camera.size.y);
+    return begun;
   }
-  std::optional<bool> finish(double milliseconds) override { return device_->finish(milliseconds); }
-  void drain() noexcept override { device_->drain(); }
+  std::optional<bool> finish(double milliseconds) override {
+    const std::optional<bool> whole = device_->finish(milliseconds);
+    if (!whole) return whole;
+    const int rows = rows_.front();
+    rows_.pop_front();
+    refuseCrowd(rows);
+    return whole;
+  }
+  void drain() noexcept override {
+    device_->drain();
+    rows_.clear();
+  }
   void upload(const Image& picture, PictureImage& target) override {
     dawdle();
     device_->upload(picture, target);
@@ -129,6 +147,7 @@ class FaultyDevice final : public PictureDevice {
 
  private:
   const std::unique_ptr<PictureDevice> device_;
+  std::deque<int> rows_;  // of the pictures under way
 };
 
 class FaultyScreen final : public Screen {

@@ -360,6 +360,18 @@ TEST_CASE("a window's device may fail again once it has shown its frames but not
   CHECK(result.exit_code == 5);
 }
 
+TEST_CASE("a view of more pairs than the device binds is drawn in parts without a message", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\norbit 10 0\noutput depth\npicture whole.png\ncrowd 50\noutput final\nwait 1\n"
+       "save-camera c.json\nwindow parts.png\noutput depth\npicture depth.png\n",
+       "240x180", backendOr("vulkan"), {}, TG_TGVIEW_UNDER_TEST);
+  CHECK(psnr(shop.read("parts.png"), render(shop, {"--camera", "c.json"})) > 45);
+  CHECK(psnr(shop.read("depth.png"), shop.read("whole.png")) > 45);
+}
+
 TEST_CASE("the picture's resolution follows the state, the window's does not", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
