@@ -35,29 +35,21 @@ bool isOneOf(const SettingEntry& entry, std::initializer_list<std::string_view> 
   return std::ranges::find(names, entry.name) != names.end();
 }
 
-// What the schedule of a stage 1 that densifies leaves no use for.
+// What the schedule of a stage 1 that densifies leaves no use for; not what may be why it does.
 void addIdleBySchedule(std::vector<std::string>& lines, const ChosenSetting& chosen, const TrainSettings& settings) {
   const Schedule schedule = makeSchedule(settings);
-  const int last = schedule.lastRound(settings.iterations), from = schedule.densify_from;
-  // One of them on a white background alone (Trainer::resetsOpacity).
-  const bool on_white = from > 0 && from < schedule.densify_until && from <= settings.iterations;
-  const bool resets = schedule.reset_every > 0 && (schedule.reset_every < schedule.reset_until || on_white);
-  const bool prunes = settings.prune_radius > 0 && last > 0 && schedule.prunesLarge(last);
+  const int last = schedule.lastRound(settings.iterations);
   if (last == 0) {
     addIdle(lines, chosen, "a schedule without a round of densification", [&](const SettingEntry& entry) {
       if (isOfOneDensification(entry) && !isOf(entry, settings.densification)) return false;
       return isOneOf(entry, {"densify-score", "densify-threshold", "prune-opacity", "mcmc-growth"}) ||
              (settings.prune_radius > 0 && entry.name == "prune-radius") ||
-             (settings.wide_sigma > 0 && entry.name == "wide-sigma") ||
-             (!resets && isOneOf(entry, {"densify-every", "densify-from"}));
+             (settings.wide_sigma > 0 && entry.name == "wide-sigma");
     });
-  } else if (settings.prune_radius > 0 && !prunes && traitsOf(settings.densification).resets_opacity) {
+  } else if (settings.prune_radius > 0 && !schedule.prunesLarge(last) &&
+             traitsOf(settings.densification).resets_opacity) {
     addIdle(lines, chosen, "a schedule without a round after the first opacity reset",
             [](const SettingEntry& entry) { return entry.name == "prune-radius"; });
-  }
-  if (schedule.reset_every > 0 && !resets && !prunes) {
-    addIdle(lines, chosen, "a schedule without an opacity reset",
-            [](const SettingEntry& entry) { return entry.name == "reset-every"; });
   }
 }
 
