@@ -5,9 +5,11 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "core/system/assert.h"
 #include "core/system/numbers.h"
@@ -159,11 +161,13 @@ std::string datasetFingerprint(const Dataset& dataset) {
 
 std::string transparencyFingerprint(const Dataset& dataset) {
   Fingerprint hash;
-  for (std::size_t i = 0; i < dataset.views.size(); ++i) {
+  for (const std::size_t i : dataset.indices(false)) {
     const std::shared_ptr<const Photograph> photograph = dataset.photographs->get(i);
-    const std::uint64_t size = photograph->alpha.size();
+    const std::vector<std::uint8_t>& alpha = photograph->alpha;
+    const bool opaque = std::ranges::all_of(alpha, [](std::uint8_t value) { return value == 255; });
+    const std::uint64_t size = opaque ? 0 : alpha.size();
     hash.add(&size, sizeof size);
-    hash.add(photograph->alpha.data(), photograph->alpha.size());
+    hash.add(alpha.data(), size);
   }
   return hash.text();
 }

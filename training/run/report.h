@@ -46,8 +46,8 @@ struct TrainingJsonOptions {
 };
 // Of every pixel, mask, camera and point: 16 hexadecimal digits.
 std::string datasetFingerprint(const Dataset& dataset);
-// Of how opaque every pixel is, which that does not see where it is the background's colour: as many digits. Reads
-// every pixel.
+// Of how opaque the pixels are that are trained on, which that does not see where they are the background's colour: as
+// many digits. Reads them all.
 std::string transparencyFingerprint(const Dataset& dataset);
 // The settings, the data set (name, sizes, fingerprint of the pixels and cameras), metrics per stage. No paths.
 std::string formatTrainingJson(const Dataset& dataset, const TrainSettings& settings, const TrainReport& report,

@@ -385,6 +385,11 @@ TEST_CASE("a checkpoint is of the transparency that training on random backgroun
   const auto identityOf = [&](const tg::Dataset& data) {
     return tg::runIdentity(data, settings, tg::datasetFingerprint(data));
   };
+  const auto lineOf = [](const tg::RunIdentity& identity) {
+    const std::size_t begin = identity.data.find("transparency ");
+    REQUIRE(begin != std::string::npos);
+    return identity.data.substr(begin, identity.data.find('\n', begin) + 1 - begin);
+  };
   tg::Checkpoint checkpoint{{identityOf(dataset), 0, 0}, {}};
   {
     tg::Trainer trainer(dataset, settings, *renderer);
@@ -402,6 +407,26 @@ TEST_CASE("a checkpoint is of the transparency that training on random backgroun
   other.photographs = tg::storeInMemory(std::move(opaque));
   REQUIRE(tg::datasetFingerprint(other) == tg::datasetFingerprint(dataset));
   CHECK_THROWS_WITH(check(other), Contains("c: is of a run with other data: transparency (expected "));
+  // An alpha that is opaque throughout is as none, and test views are not trained on.
+  const auto withAlpha = [&](const auto& alphaOf) {
+    std::vector<tg::Photograph> photographs;
+    for (std::size_t i = 0; i < dataset.views.size(); ++i) photographs.push_back({*dataset.pixels(i), alphaOf(i)});
+    tg::Dataset made = dataset;
+    made.photographs = tg::storeInMemory(std::move(photographs));
+    return identityOf(made);
+  };
+  const auto alphaOf = [&](std::size_t view, std::uint8_t value) {
+    return std::vector<std::uint8_t>(dataset.pixels(view)->rgb.size() / 3, value);
+  };
+  CHECK(withAlpha([&](std::size_t view) { return alphaOf(view, 255); }) == identityOf(other));
+  const auto ofTestViews = [&](bool test, std::uint8_t value) {
+    return withAlpha([&](std::size_t view) {
+      return dataset.views[view].test == test ? alphaOf(view, value) : std::vector<std::uint8_t>{};
+    });
+  };
+  REQUIRE_FALSE(dataset.indices(true).empty());
+  CHECK(ofTestViews(true, 7).data.find(lineOf(identityOf(other))) != std::string::npos);
+  CHECK(ofTestViews(false, 254).data.find(lineOf(identityOf(other))) == std::string::npos);
   // Of a program that did not look at it.
   std::string& data = checkpoint.header.identity.data;
   const std::size_t line = data.find("transparency ");
