@@ -581,9 +581,9 @@ void Trainer::densifyAndSchedule(int iteration) {
       const bool pruned = settings_.prune_opacity > kFirstOpacity;
       throw Error(ErrorKind::badData,
                   "no Gaussian is left after densification at iteration " + std::to_string(iteration) +
-                      (pruned ? ": --prune-opacity " + numberText(settings_.prune_opacity) + " is above the opacity " +
-                                    numberText(kFirstOpacity) + " of initial points"
-                              : ": do the cameras see the initial points?"));
+                      (pruned ? ": --prune-opacity " + numberText(settings_.prune_opacity) +
+                                    " prunes what is less opaque (points begin at " + numberText(kFirstOpacity) + ")"
+                              : ": do the cameras see what it began with?"));
     }
     updateFilter();
   }

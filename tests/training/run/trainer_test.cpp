@@ -564,14 +564,38 @@ TEST_CASE("what a coarse file takes, training for it gives back in part", "[trai
   CHECK_THROWS_WITH(tg::checkSettings(settings), Contains("no twin without textures"));
 }
 
-TEST_CASE("a threshold above the first opacity is named where it leaves no Gaussian", "[trainer]") {
+TEST_CASE("a threshold above the opacity of points is named where it leaves no Gaussian", "[trainer]") {
   const tg::Dataset dataset = sampleDataset();
   const auto renderer = tg::makeCpuDifferentiableRenderer();
   tg::TrainSettings settings = densifyingRun();
   settings.prune_opacity = 1;
-  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer),
-                    Contains("no Gaussian is left after densification at iteration") &&
-                        Contains(": --prune-opacity 1 is above the opacity 0.1 of initial points"));
+  const auto says = Contains(": --prune-opacity 1 prunes what is less opaque (points begin at 0.1)");
+  CHECK_THROWS_WITH(tg::train(dataset, settings, *renderer), says);
+  // Of a start model, whose opacities are its own.
+  tg::Trainer points(dataset, settings, *renderer);
+  tg::GaussianModel start = points.model();
+  std::ranges::fill(start.opacity_logit, 2.0f);
+  tg::Trainer trainer(dataset, settings, *renderer, start);
+  CHECK_THROWS_WITH(
+      [&] {
+        while (trainer.step()) continue;
+      }(),
+      says);
+}
+
+TEST_CASE("where no Gaussian is left for another reason it is asked whether the cameras see any", "[trainer]") {
+  const tg::Dataset dataset = sampleDataset();
+  const auto renderer = tg::makeCpuDifferentiableRenderer();
+  const tg::TrainSettings settings = densifyingRun();
+  tg::Trainer points(dataset, settings, *renderer);
+  tg::GaussianModel start = points.model();
+  std::ranges::fill(start.opacity_logit, -9.0f);
+  tg::Trainer trainer(dataset, settings, *renderer, start);
+  CHECK_THROWS_WITH(
+      [&] {
+        while (trainer.step()) continue;
+      }(),
+      Contains(": do the cameras see what it began with?"));
 }
 
 TEST_CASE("a model of lower SH degree than the settings' is trained for a file, too", "[trainer]") {
