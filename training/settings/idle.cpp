@@ -74,8 +74,10 @@ std::vector<std::string> idleSettings(const TrainSettings& settings, const Chose
     warn("--start-model",
          [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
     if (settings.texture_iterations == 0 && !by_size) {
-      warn("--texture-iterations 0", [](const SettingEntry& entry) {
-        return isOneOf(entry, {"adaptive-texels", "texture-dictionary", "rate-position-texture", "texel-decay"});
+      warn("--texture-iterations 0", [&](const SettingEntry& entry) {
+        // A stage 3 keeps what textures share.
+        if (entry.name == "texture-dictionary") return settings.quantize_iterations == 0;
+        return isOneOf(entry, {"adaptive-texels", "rate-position-texture", "texel-decay"});
       });
     }
   }

@@ -185,6 +185,10 @@ TEST_CASE("settings of stage 2 count for nothing where no textures are trained",
         Lines{"--texture-size: does nothing with --texture-mode none"});
   CHECK(idle("--texture-iterations 0 --rate-position-texture 1e-4 --rate-texels 1e-3", true) ==
         Lines{"--rate-position-texture: does nothing with --texture-iterations 0"});
+  CHECK(idle("--texture-iterations 0 --texture-dictionary 4", true) ==
+        Lines{"--texture-dictionary: does nothing with --texture-iterations 0"});
+  // Stage 3 keeps what is shared.
+  CHECK(idle("--texture-iterations 0 --quantize-iterations 9 --texture-dictionary 4", true).empty());
   CHECK(idle("--texture-iterations 9 --rate-position-texture 1e-4").empty());
 }
 
