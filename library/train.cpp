@@ -3,7 +3,6 @@
 #include "textured_gaussians/train.h"
 
 #include <algorithm>
-#include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -119,12 +118,9 @@ std::vector<std::string> warningsOf(const TrainOptions& options, const std::opti
                                     const tg::TrainSettings& settings) {
   const Settings named = namedSettings(options);
   const auto chosen = [&](const tg::SettingEntry& entry) { return named.contains(entry.name); };
-  std::vector<std::string> warnings = tg::idleSettings(settings, chosen, start.has_value(), false);
-  if (!start) return warnings;
-  const std::shared_ptr<const tg::Bundle> bundle = Access::bundle(*start);
-  if (tg::isTextured(bundle->model)) {
-    std::ranges::copy(tg::idlePastStage1(settings, chosen, bundle->model, false), std::back_inserter(warnings));
-  }
+  const std::shared_ptr<const tg::Bundle> bundle = start ? Access::bundle(*start) : nullptr;
+  std::vector<std::string> warnings = tg::idleSettings(settings, chosen, bundle ? &bundle->model : nullptr, false);
+  if (!bundle) return warnings;
   const std::string twice = tg::filteredTwice(bundle->training_json, settings.filter_3d);
   if (!twice.empty()) warnings.push_back(twice);
   return warnings;

@@ -209,6 +209,7 @@ void Training::load() {
   requireDataset(options_);
   if (together_) refuseTogether(options_);
   std::optional<Bundle> start = checkTraining(options_, together_ != nullptr);
+  if (start) warnIdleSettings(options_, &start->model);
   if (!options_.serve.empty()) {
     page_ = servePage(options_.serve, options_.serve_token, nameOf(options_.title, options_.dataset),
                       {options_.dataset, options_.run.folder}, options_.json == kStandardOutput ? stderr : stdout);
@@ -245,7 +246,6 @@ void Training::open() {
 void Training::settle() {
   settings_ = settingsOf(options_);
   const GaussianModel* start = start_model_ ? &*start_model_ : nullptr;
-  if (start && isTextured(*start)) warnIdlePastStage1(options_, settings_, *start);
   const std::string said = planRecipe(options_, trainingPixels(dataset_), start, !together_, settings_);
   if (!said.empty() && options_.talks()) std::printf("%s\n", said.c_str());
   json_.downscale = options_.data.downscale;

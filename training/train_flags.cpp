@@ -192,30 +192,16 @@ void refuseIdleFlags(const CLI::App& app, const TrainFlags& options) {
   for (const char* flag : {"--metrics-every", "--eval-every"}) refuse(flag, "--run FOLDER or --serve");
 }
 
-namespace {
-
-ChosenSetting chosenByFlag(const TrainFlags& options) {
-  return [&](const SettingEntry& entry) {
+void warnIdleSettings(const TrainFlags& options, const GaussianModel* start) {
+  if (options.print_config || options.dataset.empty() || (!start && !options.start_model.empty())) return;
+  const ChosenSetting by_flag = [&](const SettingEntry& entry) {
     const auto found = options.chosen.find(&entry);
     return found != options.chosen.end() && !found->second.empty() &&
            (options.settings_file.empty() || options.by_flag.contains(&entry));
   };
-}
-
-void warn(const std::vector<std::string>& lines) {
-  for (const std::string& line : lines) std::fprintf(stderr, "tgtrain: %s\n", line.c_str());
-}
-
-}  // namespace
-
-void warnIdleSettings(const TrainFlags& options) {
-  if (options.print_config || options.dataset.empty()) return;
-  warn(
-      idleSettings(settingsOf(options), chosenByFlag(options), !options.start_model.empty(), options.target_bytes > 0));
-}
-
-void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings, const GaussianModel& start) {
-  warn(idlePastStage1(settings, chosenByFlag(options), start, options.target_bytes > 0));
+  for (const std::string& line : idleSettings(settingsOf(options), by_flag, start, options.target_bytes > 0)) {
+    std::fprintf(stderr, "tgtrain: %s\n", line.c_str());
+  }
 }
 
 }  // namespace tg

@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 
+#include "core/model/model.h"
 #include "training/cli.h"
 #include "training/run/run_folder.h"
 #include "training/settings/settings.h"
@@ -52,9 +53,8 @@ void addRunOptions(CLI::App& app, TrainFlags& options);
 
 // A flag that would do nothing is a mistake of whoever typed it: Error(usage).
 void refuseIdleFlags(const CLI::App& app, const TrainFlags& options);
-// Of the recipe, which files and presets name as a whole: what a flag says and no stage uses is a line on stderr.
-void warnIdleSettings(const TrainFlags& options);
-// The same of a start model that has textures.
-void warnIdlePastStage1(const TrainFlags& options, const TrainSettings& settings, const GaussianModel& start);
+// Of the recipe, which files and presets name as a whole: what a flag says and no stage uses is a line on stderr. Where
+// there is a start model that follows once it is read.
+void warnIdleSettings(const TrainFlags& options, const GaussianModel* start = nullptr);
 
 }  // namespace tg

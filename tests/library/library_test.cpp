@@ -428,11 +428,12 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
                              {"densify-every", "5"},
                              {"texture-iterations", "1"},
                              {"init-count", "9"},
+                             {"limit-by", "swap"},
                              {"compare-untextured", "off"}}},
                compared.model());
-  CHECK(past.warnings() ==
-        std::vector<std::string>{"--init-count: does nothing with --start-model",
-                                 "--iterations, --densify-every: does nothing with a start model that has textures"});
+  CHECK(past.warnings() == std::vector<std::string>{"--init-count: does nothing with --start-model",
+                                                    "--iterations, --limit-by, --densify-every: does nothing with a "
+                                                    "start model that has textures"});
   tg::Bundle bundle = tg::readBundle(kSample);
   bundle.training_json = R"({"settings": {"filter-3d": "on"}})";
   tg::writeBundle(folder / "filtered.tgz", bundle);

@@ -571,10 +571,15 @@ TEST_CASE("a setting that nothing uses is warned of where a flag names it", "[pr
         "tgtrain: --iterations: does nothing with a start model that has textures\n");
   CHECK(said("--texture-iterations 2 --start-model start.tgz --texture-mode rgb --gaussians 9") ==
         "tgtrain: --iterations, --gaussians, --texture-mode: does nothing with a start model that has textures\n");
+  CHECK(said("--texture-iterations 2 --start-model start.tgz --prune-opacity 0.1 --limit-by swap") ==
+        "tgtrain: --iterations, --limit-by, --prune-opacity: does nothing with a start model that has textures\n");
   CHECK(said("--texture-iterations 0 --prune-opacity 0.1") ==
         "tgtrain: --prune-opacity: does nothing with a schedule without a round of densification\n");
   REQUIRE(tgtrain(folder, "scene -o plain.tgz -q --iterations 2 --texture-iterations 0").code == 0);
   CHECK(said("--texture-iterations 0 --start-model plain.tgz --filter-3d").empty());
+  CHECK(said("--texture-iterations 0 --start-model plain.tgz --texture-size 4 --init-count 7") ==
+        "tgtrain: --init-count: does nothing with --start-model\n"
+        "tgtrain: --texture-size: does nothing with --texture-iterations 0\n");
   REQUIRE(tgtrain(folder, "scene -o filtered.tgz -q --iterations 2 --texture-iterations 0 --filter-3d").code == 0);
   CHECK(said("--texture-iterations 0 --start-model filtered.tgz").empty());
   CHECK(said("--texture-iterations 0 --start-model filtered.tgz --filter-3d") ==

@@ -7,7 +7,6 @@
 #include <string_view>
 
 #include "core/model/verbs.h"
-#include "core/system/assert.h"
 #include "training/settings/schedule.h"
 
 namespace tg {
@@ -53,14 +52,44 @@ void addIdleBySchedule(std::vector<std::string>& lines, const ChosenSetting& cho
   }
 }
 
+// Of a start model that has textures, which is past stage 1 and keeps them.
+void addIdlePastStage1(std::vector<std::string>& lines, const ChosenSetting& chosen, const TrainSettings& settings,
+                       const GaussianModel& start, bool by_size) {
+  if (settings.texture_iterations == 0 && !by_size) {
+    addIdle(lines, chosen, "--texture-iterations 0", [&](const SettingEntry& entry) {
+      // A stage 3 keeps what textures share.
+      if (entry.name == "texture-dictionary") return settings.quantize_iterations == 0;
+      return isOneOf(entry, {"adaptive-texels", "rate-position-texture", "texel-decay"});
+    });
+  }
+  // Shared textures count in the plan of a size by their side.
+  const bool plans_side = by_size && settings.texture_dictionary > 0;
+  addIdle(lines, chosen, "a start model that has textures", [&](const SettingEntry& entry) {
+    if (entry.name == "iterations") return settings.iterations > 0;
+    if (entry.name == "intersection") return settings.intersection != start.intersection;
+    if (entry.name == "texture-mode") return settings.texture_mode != start.texture_mode;
+    if (entry.name == "texture-outside") return settings.texture_outside != start.outside;
+    if (entry.name == "texture-size") return !plans_side;
+    return entry.name.starts_with("densif") || entry.name.starts_with("mcmc-") ||
+           isOneOf(entry,
+                   {"gaussians", "percent", "default-gaussians", "limit-by", "prune-opacity", "prune-radius",
+                    "wide-sigma", "reset-every", "sh-every", "pixels-per-texel", "texel-budget", "texture-sizes"});
+  });
+}
+
 }  // namespace
 
-std::vector<std::string> idleSettings(const TrainSettings& settings, const ChosenSetting& chosen, bool start_model,
-                                      bool by_size) {
+std::vector<std::string> idleSettings(const TrainSettings& settings, const ChosenSetting& chosen,
+                                      const GaussianModel* start, bool by_size) {
   const bool has_mode = settings.texture_mode != TextureMode::none;
   const bool textured = has_mode && settings.texture_iterations > 0;
   std::vector<std::string> lines;
   const auto warn = [&](const std::string& why, const auto& idle) { addIdle(lines, chosen, why, idle); };
+  if (start) warn("--start-model", [](const SettingEntry& entry) { return isOneOf(entry, {"start", "init-count"}); });
+  if (start && isTextured(*start)) {
+    addIdlePastStage1(lines, chosen, settings, *start, by_size);
+    return lines;
+  }
   const auto is_of_stage_2 = [&](const SettingEntry& entry) {
     const std::string_view name = entry.name;
     // A plan for a size gives stage 1 the iterations that stage 2 does not have.
@@ -68,19 +97,8 @@ std::vector<std::string> idleSettings(const TrainSettings& settings, const Chose
     return name != "texture-mode" &&
            (name.starts_with("texture-") || name.find("texel") != name.npos || name == "rate-position-texture");
   };
-  const bool planned = has_mode && (by_size || start_model);  // what they have of textures
+  const bool planned = has_mode && by_size;  // what it has of textures
   if (!textured && !planned) warn(has_mode ? "--texture-iterations 0" : "--texture-mode none", is_of_stage_2);
-  if (start_model) {
-    warn("--start-model",
-         [](const SettingEntry& entry) { return entry.name == "start" || entry.name == "init-count"; });
-    if (settings.texture_iterations == 0 && !by_size) {
-      warn("--texture-iterations 0", [&](const SettingEntry& entry) {
-        // A stage 3 keeps what textures share.
-        if (entry.name == "texture-dictionary") return settings.quantize_iterations == 0;
-        return isOneOf(entry, {"adaptive-texels", "rate-position-texture", "texel-decay"});
-      });
-    }
-  }
   const auto is_pixels = [](const SettingEntry& entry) { return entry.name == "pixels-per-texel"; };
   if (textured && settings.texel_budget > 0) {
     warn("--texel-budget", [&](const SettingEntry& entry) { return entry.name == "texture-size" || is_pixels(entry); });
@@ -107,26 +125,6 @@ std::vector<std::string> idleSettings(const TrainSettings& settings, const Chose
     warn("--densification " + std::string(name(settings.densification)),
          [&](const SettingEntry& entry) { return isOf(entry, other); });
   }
-  return lines;
-}
-
-std::vector<std::string> idlePastStage1(const TrainSettings& settings, const ChosenSetting& chosen,
-                                        const GaussianModel& start, bool by_size) {
-  TG_ASSERT(isTextured(start), "a start model that has textures");
-  // Shared textures count in the plan of a size by their side.
-  const bool plans_side = by_size && settings.texture_dictionary > 0;
-  std::vector<std::string> lines;
-  addIdle(lines, chosen, "a start model that has textures", [&](const SettingEntry& entry) {
-    if (entry.name == "iterations") return settings.iterations > 0;
-    if (entry.name == "intersection") return settings.intersection != start.intersection;
-    if (entry.name == "texture-mode") return settings.texture_mode != start.texture_mode;
-    if (entry.name == "texture-outside") return settings.texture_outside != start.outside;
-    if (entry.name == "texture-size") return !plans_side;
-    return entry.name.starts_with("densif") || entry.name.starts_with("mcmc-") ||
-           isOneOf(entry,
-                   {"gaussians", "percent", "default-gaussians", "limit-by", "prune-opacity", "prune-radius",
-                    "wide-sigma", "reset-every", "sh-every", "pixels-per-texel", "texel-budget", "texture-sizes"});
-  });
   return lines;
 }
 

@@ -42,9 +42,17 @@ struct Flags {
   std::set<std::string> named;
 };
 
-Lines idle(const std::string& text, bool start_model = false, bool by_size = false) {
+Lines idle(const std::string& text, bool by_size = false, const tg::GaussianModel* start = nullptr) {
   const Flags flags(text);
-  return tg::idleSettings(flags.settings, flags.chosen(), start_model, by_size);
+  return tg::idleSettings(flags.settings, flags.chosen(), start, by_size);
+}
+
+// Past stage 1: rgb, maxResponse, base.
+tg::GaussianModel texturedStart() {
+  tg::GaussianModel start = tg::test::makeScene(tg::test::SceneKind::ordinary, 3, 5).model;
+  start.texture_mode = tg::TextureMode::rgb;
+  start.atlas = tg::makeUniformAtlas(start.size(), 2, 2);
+  return start;
 }
 
 }  // namespace
@@ -180,16 +188,27 @@ TEST_CASE("settings of stage 2 count for nothing where no textures are trained",
         Lines{"--texture-iterations, --texture-size, --rate-position-texture: does nothing with --texture-mode none"});
   CHECK(idle("--texture-mode none --texture-iterations 0").empty());
   // A plan adds them to stage 1.
-  CHECK(idle("--texture-mode none --texture-iterations 9", false, true).empty());
-  CHECK(idle("--texture-mode none --texture-size 4", true) ==
-        Lines{"--texture-size: does nothing with --texture-mode none"});
-  CHECK(idle("--texture-iterations 0 --rate-position-texture 1e-4 --rate-texels 1e-3", true) ==
-        Lines{"--rate-position-texture: does nothing with --texture-iterations 0"});
-  CHECK(idle("--texture-iterations 0 --texture-dictionary 4", true) ==
-        Lines{"--texture-dictionary: does nothing with --texture-iterations 0"});
-  // Stage 3 keeps what is shared.
-  CHECK(idle("--texture-iterations 0 --quantize-iterations 9 --texture-dictionary 4", true).empty());
+  CHECK(idle("--texture-mode none --texture-iterations 9", true).empty());
   CHECK(idle("--texture-iterations 9 --rate-position-texture 1e-4").empty());
+  // A plain start model is as points.
+  const tg::GaussianModel plain;
+  CHECK(idle("--texture-mode none --texture-size 4", false, &plain) ==
+        Lines{"--texture-size: does nothing with --texture-mode none"});
+  CHECK(idle("--texture-iterations 0 --texture-size 4 --adaptive-texels 2 --start random", false, &plain) ==
+        Lines{"--start: does nothing with --start-model",
+              "--texture-size, --adaptive-texels: does nothing with --texture-iterations 0"});
+  CHECK(idle("--texture-iterations 0 --texture-dictionary 4 --quantize-iterations 9", false, &plain) ==
+        Lines{"--texture-dictionary: does nothing with --texture-iterations 0"});
+}
+
+TEST_CASE("settings of stage 2 count for nothing where a start model that has textures skips it", "[settings]") {
+  const tg::GaussianModel start = texturedStart();
+  const std::string why = ": does nothing with --texture-iterations 0";
+  CHECK(idle("--texture-iterations 0 --rate-position-texture 1e-4 --rate-texels 1e-3 --texel-decay 1", false, &start) ==
+        Lines{"--rate-position-texture, --texel-decay" + why});
+  CHECK(idle("--texture-iterations 0 --texture-dictionary 4", false, &start) == Lines{"--texture-dictionary" + why});
+  // Stage 3 keeps what is shared.
+  CHECK(idle("--texture-iterations 0 --quantize-iterations 9 --texture-dictionary 4", false, &start).empty());
 }
 
 TEST_CASE("settings that the schedule of stage 1 has no use for are told", "[settings]") {
@@ -204,7 +223,7 @@ TEST_CASE("settings that the schedule of stage 1 has no use for are told", "[set
         Lines{"--mcmc-growth" + no_round});
   CHECK(idle("--iterations 100 --densify-threshold 0.1 --limit-by swap --gaussians 50") ==
         Lines{"--densify-threshold" + no_round});
-  CHECK(idle("--iterations 100 --densify-threshold 0.1 --gaussians 50", false, true).empty());
+  CHECK(idle("--iterations 100 --densify-threshold 0.1 --gaussians 50", true).empty());
 
   CHECK(idle("--iterations 4000 --prune-radius 20") == Lines{no_late});
   CHECK(idle("--iterations 4000 --prune-radius 0").empty());
@@ -223,13 +242,8 @@ TEST_CASE("settings by which a schedule has no round and no opacity reset are no
 }
 
 TEST_CASE("a start model that has textures has no use for what stage 1 and new textures are made by", "[settings]") {
-  tg::GaussianModel start = tg::test::makeScene(tg::test::SceneKind::ordinary, 3, 5).model;
-  start.texture_mode = tg::TextureMode::rgb;
-  start.atlas = tg::makeUniformAtlas(start.size(), 2, 2);
-  const auto past = [&](const std::string& text, bool by_size = false) {
-    const Flags flags(text);
-    return tg::idlePastStage1(flags.settings, flags.chosen(), start, by_size);
-  };
+  tg::GaussianModel start = texturedStart();
+  const auto past = [&](const std::string& text, bool by_size = false) { return idle(text, by_size, &start); };
   const std::string why = ": does nothing with a start model that has textures";
   CHECK(past("--iterations 9 --percent 5 --default-gaussians 9 --limit-by swap --prune-opacity 0.1 --prune-radius 9 "
              "--wide-sigma 1 --reset-every 9 --sh-every 9 --mcmc-noise 1 --densify-every 9") ==
@@ -244,6 +258,11 @@ TEST_CASE("a start model that has textures has no use for what stage 1 and new t
   start.outside = tg::TextureOutside::clip;
   CHECK(past("--texture-mode rgb --intersection plane --texture-outside clip").empty());
   CHECK(past("--texture-dictionary 4 --texture-size 4", true).empty());
+  // One line, also where there would be another reason without the model.
+  CHECK(past("--iterations 100 --prune-opacity 0.1 --default-gaussians 9 --limit-by swap --mcmc-noise 1") ==
+        Lines{"--iterations, --default-gaussians, --limit-by, --prune-opacity, --mcmc-noise" + why});
+  CHECK(past("--texture-size 4 --pixels-per-texel 1 --texel-budget 9") ==
+        Lines{"--texture-size, --pixels-per-texel, --texel-budget" + why});
   CHECK(
       past("--iterations 0 --texture-iterations 9 --adaptive-texels 2 --texture-intersection plane --rate-texels 1e-3 "
            "--filter-3d on --sh-degree 1 --seed 3 --ssim-weight 0.1 --extent-distances 1 --rate-position-texture 0 "
