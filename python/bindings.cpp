@@ -740,7 +740,7 @@ bytes and os.PathLike, as paths are.)")
                              "A Progress: stage, iteration, loss and others, as of now.")
       .def_property_readonly(
           "warnings", [](const Trainer& trainer) { return linesOf(trainer.warnings()); },
-          "Settings that do nothing beside the others or after the start model, a line each.")
+          "Lines about settings that do nothing here, and about a start model that filter_3d filters once more.")
       .def("model", &Trainer::model, py::call_guard<py::gil_scoped_release>(),
            "As it stands, with the data set's cameras and background: a copy.");
 }

@@ -46,7 +46,8 @@ class Trainer {
   // when no Gaussian is left or the loss is not finite, and what decoding a photograph throws.
   bool step();
   TrainProgress progress() const;
-  // Settings of TrainOptions that do nothing beside the others or after `start`, as tgtrain says it: a line each.
+  // Settings of TrainOptions that do nothing beside the others or after `start`, a line for each reason, and a
+  // filter-3d that filters a `start` once more that was trained with it, as tgtrain says both.
   std::vector<std::string> warnings() const;
   // As it stands, with the data set's cameras and background: a copy. The textured one while its twin is trained.
   Model model() const;
