@@ -143,7 +143,7 @@ Bundle adaptedBundle(const Bundle& source, const ConvertOptions& asked, const Fo
                                       " has one base for textures and viewers (expected " +
                                       (opens_glb ? ".glb, .gltf or " : "") + "--no-textures)");
   }
-  Adapted adapted = adaptTo(*asked.viewer, source, format.is_gltf, asked.aim);
+  Adapted adapted = adaptTo(*asked.viewer, source, format.is_gltf, asked.aim, asked.listener);
   report.adapted = adapted.report;
   if (isTextured(source.model) && !format.holds(kKeepsTextures)) report.warnings.push_back(lostTextures(format));
   Bundle written = source;
@@ -274,7 +274,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   report.gaussians = written->model.size();
   std::optional<Bundle> bare;
   if (options.target.given()) {
-    const Chosen chosen = chooseSteps(format, output, *written, views, write_options, options.target);
+    const Chosen chosen = chooseSteps(format, output, *written, views, write_options, options.target, options.listener);
     write_options.steps = chosen.steps;
     if (!chosen.textured) {
       bare = untextured(*written);

@@ -9,6 +9,7 @@
 
 #include "converter/edit/adapt.h"
 #include "converter/edit/edit.h"
+#include "converter/edit/progress.h"
 #include "converter/edit/quality.h"
 #include "converter/edit/target.h"
 #include "converter/registry/file_format.h"
@@ -41,6 +42,7 @@ struct ConvertOptions {
   std::vector<Edit> edits = {};            // in this order, before anything is written
   std::optional<SplatViewer> viewer = {};  // not tgz, html, png: the base is made for it, after the edits
   FitAim aim = FitAim::textures;           // of `viewer`
+  ConvertListener listener = {};           // of `viewer` and `target`
 };
 
 struct ConvertReport : Written {

@@ -59,7 +59,8 @@ void print(const Arguments& arguments, const std::string& text, const std::strin
   }
 }
 
-// One line on a terminal that is overwritten: how far a batch is, and how long the rest takes at this speed.
+// One line on a terminal that is overwritten: how far a batch or a conversion is, and how long the rest takes at this
+// speed.
 class ProgressLine {
  public:
   explicit ProgressLine(bool shown) : shown_(shown && isatty(STDERR_FILENO) != 0) {}
@@ -68,16 +69,28 @@ class ProgressLine {
   }
   void show(const tg::BatchProgress& progress) const {
     if (!shown_) return;
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    std::fprintf(stderr, "\r\x1b[K[%zu/%zu] %s, %.0f %%", progress.item + 1, progress.items, progress.name.c_str(),
-                 100.0 * progress.done);
-    if (progress.done > 0.0) std::fprintf(stderr, ", %.0f s left", seconds / progress.done * (1.0 - progress.done));
-    std::fflush(stderr);
+    std::fprintf(stderr, "\r\x1b[K[%zu/%zu] %s", progress.item + 1, progress.items, progress.name.c_str());
+    showPart(progress.done);
+  }
+  // `what`: as "fitting to three".
+  void show(const std::string& what, std::size_t done, std::size_t steps) {
+    if (!shown_) return;
+    if (done == 0) start_ = Clock::now();
+    std::fprintf(stderr, "\r\x1b[K%s", what.c_str());
+    showPart(static_cast<double>(done) / static_cast<double>(steps));
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
+  void showPart(double done) const {
+    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
+    std::fprintf(stderr, ", %.0f %%", 100.0 * done);
+    if (done > 0.0) std::fprintf(stderr, ", %.0f s left", seconds / done * (1.0 - done));
+    std::fflush(stderr);
+  }
+
   const bool shown_;
-  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  Clock::time_point start_ = Clock::now();
 };
 
 int runBatch(const Arguments& arguments) {
@@ -106,6 +119,19 @@ int runBatch(const Arguments& arguments) {
   return report.exit_code;
 }
 
+tg::ConvertReport convertOne(const Arguments& arguments) {
+  ProgressLine line(!arguments.quiet && !arguments.json);
+  tg::ConvertOptions options = arguments.options;
+  options.listener = [&](tg::ConvertPart part, std::size_t done, std::size_t steps) {
+    const bool fits = part == tg::ConvertPart::fit;
+    const std::string aim = fits                       ? std::string(tg::name(*options.viewer))
+                            : options.target.bytes > 0 ? "its size"
+                                                       : "its pictures";
+    line.show((fits ? "fitting to " : "steps for ") + aim, done, steps);
+  };
+  return tg::convert(arguments.input, arguments.output, options);
+}
+
 // The exit code.
 int run(const Arguments& arguments) {
   if (arguments.info || arguments.stats || arguments.output == "null") {
@@ -119,7 +145,7 @@ int run(const Arguments& arguments) {
   if (arguments.output.empty()) throw tg::Error(tg::ErrorKind::usage, "OUT is missing (or give --info or --stats)");
   std::error_code ignored;  // what cannot be looked at cannot be read, which says so
   if (std::filesystem::is_directory(arguments.input, ignored)) return runBatch(arguments);
-  const tg::ConvertReport report = tg::convert(arguments.input, arguments.output, arguments.options);
+  const tg::ConvertReport report = convertOne(arguments);
   warn(arguments, arguments.input, report.warnings);
   print(arguments, tg::describe(report), tg::describeJson(report));
   return 0;

@@ -5,6 +5,7 @@
 #include "converter/convert.h"
 
 #include <algorithm>
+#include <exception>
 #include <limits>
 #include <set>
 
@@ -106,10 +107,20 @@ tg::ConvertOptions optionsOf(const ConvertOptions& options) {
 
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options) {
-  return guarded([&] {
+  std::exception_ptr thrown;  // by the caller's own progress: reaches the caller as it is
+  const auto tell = [&](tg::ConvertPart part, std::size_t done, std::size_t steps) {
+    try {
+      options.progress(std::string(tg::name(part)), done, steps);
+    } catch (...) {
+      thrown = std::current_exception();
+      throw;
+    }
+  };
+  const auto convertFile = [&] {
     requirePath(input);
     requirePath(output);
-    const tg::ConvertOptions own = optionsOf(options);
+    tg::ConvertOptions own = optionsOf(options);
+    if (options.progress) own.listener = tell;
     const tg::Format& format = tg::outputFormat(output);
     if (options.measure && !format.read) {  // nor of an edit is there a number in the report
       throw tg::Error(tg::ErrorKind::usage,
@@ -126,7 +137,13 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
                          report.steps,
                          psnr,
                          std::move(report.warnings)};
-  });
+  };
+  try {
+    return guarded(convertFile);
+  } catch (...) {
+    if (thrown) std::rethrow_exception(thrown);
+    throw;
+  }
 }
 
 }  // namespace textured_gaussians

@@ -821,7 +821,12 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
          bool cameras, const std::vector<Camera>& views, bool base_only, bool lean,
          const std::optional<std::string>& atlas, std::optional<int> spz_version,
          const std::optional<std::string>& spz_axes, const std::optional<std::string>& viewer,
-         const std::optional<std::string>& viewer_aim, bool dry_run) {
+         const std::optional<std::string>& viewer_aim, bool dry_run, const std::optional<py::function>& progress) {
+        const auto tell = [&](const std::string& part, std::size_t done, std::size_t steps) {
+          const py::gil_scoped_acquire acquire;
+          if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+          if (progress) (*progress)(part, done, steps);
+        };
         ConvertOptions options{.overwrite = overwrite,
                                .quantize = quantize,
                                .meshopt = meshopt,
@@ -840,7 +845,8 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
                                .spz_axes = spz_axes,
                                .viewer = viewer,
                                .viewer_aim = viewer_aim,
-                               .dry_run = dry_run};
+                               .dry_run = dry_run,
+                               .progress = tell};
         for (const auto& [name, value] : edits) options.edits.emplace_back(name, settingText(value));
         const std::filesystem::path from = pathFrom(input, "input"), to = pathFrom(output, "output");
         const py::gil_scoped_release release;
@@ -851,6 +857,7 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
       "target_psnr"_a = py::none(), "texture_step"_a = py::none(), "cameras"_a = true, "views"_a = py::list(),
       "base_only"_a = false, "lean"_a = false, "atlas"_a = py::none(), "spz_version"_a = py::none(),
       "spz_axes"_a = py::none(), "viewer"_a = py::none(), "viewer_aim"_a = py::none(), "dry_run"_a = false,
+      "progress"_a = py::none(),
       R"(A model's file to the format of the other's extension. Options are tgconvert's flags, which messages name.
 
 overwrite: a file that is there. quantize, meshopt: .glb, .gltf and .html with integers, and compressed by
@@ -864,7 +871,8 @@ cameras and named views out. views: named views of .glb, .gltf and .html in plac
 that only bring a .ply back bit by bit. atlas: texels of .glb, .gltf, .html and .png as "png8", "png16", "exr" or
 "webp". spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim,
 what viewers without textures show looks right in this one, as "three". dry_run: find out how large the file would be
-and write nothing.)");
+and write nothing. progress: called as progress(part, done, steps), on this thread, before and after every step of a
+"fit" to a viewer and every trial of a "target"; what it raises ends the conversion.)");
 }
 
 }  // namespace

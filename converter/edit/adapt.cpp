@@ -158,7 +158,7 @@ GaussianModel withAdded(const GaussianModel& source, const GaussianModel& base, 
 
 }  // namespace
 
-Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim) {
+Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim, const ConvertListener& listener) {
   const bool keep = as_gltf && isTextured(source.model);
   const std::size_t own = source.model.size();
   const GaussianModel base = bakeFallback(source.model, FallbackScale::kept);
@@ -189,7 +189,7 @@ Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim a
     if (shownPsnr(parted, viewer, choice) > shownPsnr(fitted, viewer, choice)) fitted = std::move(parted);
   }
   fitToViewer(fitted.base, viewer, fitViews(aimed, fit_cameras, source.background, kFitSide),
-              {.steps = kFitSteps, .fixed = fitted.fixed, .parts = fitted.parts});
+              {.steps = kFitSteps, .fixed = fitted.fixed, .parts = fitted.parts}, listener);
   double best = shownPsnr(start, viewer, held);
   if (best < before) start = untouched, best = before;
   report.fitted = shownPsnr(fitted, viewer, held) > best;

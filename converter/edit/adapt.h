@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "converter/edit/progress.h"
 #include "core/bundle/bundle.h"
 #include "core/system/names.h"
 #include "render/affine/splat_viewer.h"
@@ -44,6 +45,7 @@ struct Adapted {
 // `as_gltf`: the file has primitives, and colours, opacities and scales for readers with textures beside those for
 // others. Theirs stay as they are, pieces and skirts are invisible to them; the order may change. Otherwise the result
 // has no textures. The views are the model's cameras, or a ring.
-Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim = FitAim::textures);
+Adapted adaptTo(SplatViewer viewer, const Bundle& source, bool as_gltf, FitAim aim = FitAim::textures,
+                const ConvertListener& listener = {});
 
 }  // namespace tg

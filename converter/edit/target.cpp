@@ -51,22 +51,27 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
 }
 
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
-               std::span<const Camera> views, WriteOptions options, const Target& target) {
+               std::span<const Camera> views, WriteOptions options, const Target& target,
+               const ConvertListener& listener) {
   TG_ASSERT(target.given(), "a target is given");
   TG_ASSERT(format.has_steps, "the format has steps");
   const ScratchFolder folder;
   const std::filesystem::path file = folder.path() / name.filename();
   options.replace = true;
   const bool by_size = target.bytes > 0;
+  constexpr std::size_t kTrials = 9;  // an end, then halvings of nine octaves: steps of 2.5 %, files of less than 1 %
   double reached = 0;
+  std::size_t trials = 0;
+  if (listener) listener(ConvertPart::target, trials, kTrials);
   const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
     options.steps = static_cast<float>(std::exp2(logarithm));
     const std::uint64_t bytes = write(format, file, name, source, options);
     reached = by_size ? static_cast<double>(bytes)
                       : renderedPsnr(source.model, readModel(file).model, views, source.background);
+    ++trials;
+    if (listener) listener(ConvertPart::target, trials, kTrials);
     return by_size ? reached > static_cast<double>(target.bytes) : reached >= target.psnr;
   };
-  constexpr int kTrials = 8;  // halvings of nine octaves: steps of 2.5 %, files of less than 1 %
   double fine = std::log2(kLeastSteps), coarse = std::log2(kMostSteps);
   if (by_size ? isFineEnough(coarse) : !isFineEnough(fine)) {
     const auto number = [&](double value) {
@@ -81,7 +86,7 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
                               ": fewer Gaussians or a lower SH degree take less"
                         : "--target-psnr is out of reach" + expectedFound("at most " + limit + " dB", wanted));
   }
-  for (int trial = 0; trial < kTrials; ++trial) {
+  while (trials < kTrials) {
     const double middle = 0.5 * (fine + coarse);
     (isFineEnough(middle) ? fine : coarse) = middle;
   }
@@ -89,11 +94,12 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
 }
 
 Chosen chooseSteps(const Format& format, const std::filesystem::path& name, const Bundle& source,
-                   std::span<const Camera> views, const WriteOptions& options, const Target& target) {
+                   std::span<const Camera> views, const WriteOptions& options, const Target& target,
+                   const ConvertListener& listener) {
   if (target.psnr > 0 && showsNothing(source.model, views)) {
     throw Error(ErrorKind::usage, "--target-psnr: " + std::string(kShowsNothing));
   }
-  const auto search = [&](const Bundle& of) { return stepsFor(format, name, of, views, options, target); };
+  const auto search = [&](const Bundle& of) { return stepsFor(format, name, of, views, options, target, listener); };
   const bool has_choice = isTextured(source.model) && format.holds(kKeepsTextures) && !options.base;
   if (target.bytes == 0 || !has_choice || !isMeasuredUnasked(source.model)) return {.steps = search(source)};
   const auto reached = [&](const Bundle& of) -> std::optional<float> {

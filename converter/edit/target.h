@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <span>
 
+#include "converter/edit/progress.h"
 #include "converter/registry/file_format.h"
 
 namespace tg {
@@ -25,7 +26,8 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
 // found to 2.5 % by writing to `name` in a temporary folder and, for the latter, by drawing `views`. Throws
 // Error(usage) for what no steps reach, and what the format's writer throws. The format has steps.
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
-               std::span<const Camera> views, WriteOptions options, const Target& target);
+               std::span<const Camera> views, WriteOptions options, const Target& target,
+               const ConvertListener& listener = {});
 
 struct Chosen {
   float steps = 1;
@@ -35,7 +37,8 @@ struct Chosen {
 // without textures, by drawing `views`, or no steps reach it otherwise. Models whose pictures nobody asks for are too
 // large for that: textured.
 Chosen chooseSteps(const Format& format, const std::filesystem::path& name, const Bundle& source,
-                   std::span<const Camera> views, const WriteOptions& options, const Target& target);
+                   std::span<const Camera> views, const WriteOptions& options, const Target& target,
+                   const ConvertListener& listener = {});
 // `source` as what stands in for it without textures.
 Bundle untextured(const Bundle& source);
 

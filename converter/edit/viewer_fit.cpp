@@ -162,16 +162,20 @@ double viewerPsnr(const GaussianModel& base, SplatViewer viewer, const FitViews&
   return psnr(shown, wanted);
 }
 
-void fitToViewer(GaussianModel& base, SplatViewer viewer, const FitViews& views, const FitSettings& settings) {
+void fitToViewer(GaussianModel& base, SplatViewer viewer, const FitViews& views, const FitSettings& settings,
+                 const ConvertListener& listener) {
   TG_ASSERT(!views.cameras.empty(), "a view at least");
   Fit fit(base, viewer, settings);
   // Neighbours in the list are often neighbours in the room: far ones follow one another.
   const std::size_t count = views.cameras.size();
   std::size_t stride = std::max<std::size_t>(1, count * 2 / 5);
   while (std::gcd(stride, count) != 1) ++stride;
+  const auto steps = static_cast<std::size_t>(settings.steps);
+  if (listener) listener(ConvertPart::fit, 0, steps);
   for (int number = 0; number < settings.steps; ++number) {
     const std::size_t k = static_cast<std::size_t>(number) * stride % count;
     fit.step(number, views.cameras[k], views.pictures[k], views.shrink[k], views.background);
+    if (listener) listener(ConvertPart::fit, static_cast<std::size_t>(number) + 1, steps);
   }
 }
 

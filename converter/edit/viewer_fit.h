@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "converter/edit/progress.h"
 #include "core/image/image.h"
 #include "core/model/camera.h"
 #include "core/model/model.h"
@@ -36,7 +37,8 @@ struct FitSettings {
 };
 
 // Moves opacities, colours, places and scales so that the viewer's pictures come close to those of `views`, by Adam.
-// What is invisible stays so.
-void fitToViewer(GaussianModel& base, SplatViewer viewer, const FitViews& views, const FitSettings& settings);
+// What is invisible stays so. `listener`: may be empty.
+void fitToViewer(GaussianModel& base, SplatViewer viewer, const FitViews& views, const FitSettings& settings,
+                 const ConvertListener& listener = {});
 
 }  // namespace tg

@@ -285,4 +285,5 @@ def convert(
     viewer: Optional[Literal["three", "playcanvas", "babylon", "cesium", "spark"]] = ...,
     viewer_aim: Optional[Literal["textures", "base"]] = ...,
     dry_run: bool = ...,
+    progress: Optional[Callable[[str, int, int], object]] = ...,
 ) -> ConvertReport: ...

@@ -118,6 +118,25 @@ TEST_CASE("a signal ends tgconvert with nothing half written, and one that it wa
   CHECK(files() == 2);
 }
 
+TEST_CASE("a long conversion says on a terminal how far it is and nowhere else") {
+  const Scratch scratch;
+  Bundle bundle;
+  bundle.model = test::makeScene(test::SceneKind::ordinary, 29, 300).model;
+  writeBundle(scratch.folder() / "a.tgz", bundle);
+  const auto shown = [&](const std::string& arguments) {
+    const auto screen = scratch.folder() / "screen.txt";
+    const std::string command = "cd '" + scratch.folder().string() + "' && script -qec \"" TG_CONVERT_PROGRAM " " +
+                                arguments + "\" '" + screen.string() + "' >out.txt";
+    REQUIRE(std::system(command.c_str()) == 0);
+    return Glb::slurp(screen);
+  };
+  CHECK_THAT(shown("a.tgz b.glb --for three"), Contains("fitting to three, 50 %, ") && Contains(" s left"));
+  CHECK_THAT(shown("a.tgz b.sog --target-size 20KB"), Contains("steps for its size, 33 %, "));
+  CHECK_THAT(shown("a.tgz c.sog --target-psnr 30"), Contains("steps for its pictures, 100 %, "));
+  CHECK_THAT(shown("a.tgz d.glb --for three -q"), !Contains("fitting"));
+  CHECK(tgconvert(scratch, "a.tgz e.glb --for three").err.empty());
+}
+
 TEST_CASE("the option --for knows its viewers, and the formats that they read") {
   const Scratch scratch;
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 46));

@@ -45,6 +45,26 @@ TEST_CASE("a file of the size that is asked for is at most 2 % smaller") {
   }
 }
 
+TEST_CASE("a search for a target says how many of its trials are done and leaves no file where its listener throws") {
+  const Scratch scratch;
+  const auto from = source(scratch), to = scratch.folder() / "a.sog";
+  const Target target = GENERATE(Target{.bytes = 110000}, Target{.psnr = 30});
+  std::vector<std::size_t> told;
+  const auto listener = [&](ConvertPart part, std::size_t done, std::size_t steps) {
+    CHECK(part == ConvertPart::target);
+    CHECK(steps == 9);
+    told.push_back(done);
+  };
+  convert(from, to, {.target = target, .listener = listener});
+  CHECK(told == std::vector<std::size_t>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9});
+  std::filesystem::remove(to);
+  const auto ends = [](ConvertPart, std::size_t done, std::size_t) {
+    if (done == 3) throw 5;
+  };
+  CHECK_THROWS_AS(convert(from, to, {.target = target, .listener = ends}), int);
+  CHECK(!std::filesystem::exists(to));
+}
+
 TEST_CASE("pictures of the likeness that is asked for are hardly nearer") {
   const Scratch scratch;
   const std::string name = GENERATE("a.sog", "a.glb");

@@ -766,6 +766,26 @@ TEST_CASE("a conversion says what it did, and refuses what tgconvert refuses") {
   CHECK(!std::filesystem::exists(folder / "b.png"));
 }
 
+TEST_CASE("a conversion says how far it is and ends where its caller throws") {
+  const TemporaryFolder folder;
+  std::vector<std::string> told;
+  const auto tell = [&](const std::string& part, std::size_t done, std::size_t steps) {
+    told.push_back(part + " " + std::to_string(done) + " " + std::to_string(steps));
+  };
+  convert(kSample, folder / "a.sog", {.edits = {{"decimate", "300"}}, .target_psnr = 30, .progress = tell});
+  CHECK(told.size() == 10);
+  CHECK(told.back() == "target 9 9");
+  // An exception of a kind that the library turns into its own Error where it is its own.
+  const auto fail = [&](const std::string& part, std::size_t done, std::size_t steps) {
+    tell(part, done, steps);
+    if (done == 1) throw std::system_error(std::make_error_code(std::errc::io_error));
+  };
+  const ConvertOptions fit = {.edits = {{"decimate", "300"}}, .viewer = "three", .progress = fail};
+  CHECK_THROWS_AS(convert(kSample, folder / "a.glb", fit), std::system_error);
+  CHECK(told.back() == "fit 1 288");
+  CHECK(!std::filesystem::exists(folder / "a.glb"));
+}
+
 TEST_CASE("an option of a conversion that does nothing or has no such value is refused by its flag") {
   const TemporaryFolder folder;
   const auto refused = [&](const std::string& name, const ConvertOptions& options) {

@@ -568,6 +568,16 @@ class Conversion(Folder):
         self.assertEqual(base[0], base[1])
         self.assertEqual(tg.Model.load(self.folder / "base.glb").texture_mode, "none")
         self.assertEqual(len(tg.convert(self.folder / "a.spz", self.folder / "e.ply", spz_axes="rdf").warnings), 0)
+        told = []
+        tg.convert(SAMPLE, self.folder / "told.sog", edits=[("decimate", "99")], target_psnr=30,
+                   progress=lambda *how_far: told.append(how_far))
+        self.assertEqual(told, [("target", done, 9) for done in range(10)])
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGALRM, signal.SIG_DFL)
+        with self.assertRaises(KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, 0.5)
+            tg.convert(SAMPLE, self.folder / "ended.glb", viewer="three")
+        self.assertFalse((self.folder / "ended.glb").exists())
         self.refused("usage", "--target-size does nothing here", tg.convert, SAMPLE, self.folder / "c.ply",
                      target_size=9)
         self.refused("usage", "--psnr does nothing here", tg.convert, SAMPLE, self.folder / "a.png", measure=True)

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -38,6 +39,10 @@ struct ConvertOptions {
   std::optional<std::string> viewer = {};    // --for: what viewers without textures show looks right in this one
   std::optional<std::string> viewer_aim = {};  // --for-aim: textures (without one) or base
   bool dry_run = false;                        // find out how large the file would be and write nothing
+  // How many of how many steps of what takes long are done: "fit" to `viewer`, "target" for trials of a target, of
+  // which a second search counts anew. Before the first and after each, on the caller's thread. What it throws ends the
+  // conversion: no file is written, one that was there stays.
+  std::function<void(const std::string& part, std::size_t done, std::size_t steps)> progress = {};
 };
 
 struct ConvertReport {

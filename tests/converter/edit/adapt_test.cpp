@@ -103,6 +103,25 @@ TEST_CASE("a fit comes nearer to the picture that it aims at, with textures or w
   CHECK(base.to_base.after > base.to_base.before);
 }
 
+TEST_CASE("a fit says before and after each of its steps how far it is and ends where its listener throws") {
+  const Bundle source = room();
+  std::vector<std::size_t> told;
+  const auto stopAt = [&](std::size_t last) {
+    return [&told, last](ConvertPart part, std::size_t done, std::size_t steps) {
+      CHECK(part == ConvertPart::fit);
+      CHECK(steps == 288);
+      told.push_back(done);
+      if (done == last) throw 5;
+    };
+  };
+  CHECK_THROWS_AS(adaptTo(SplatViewer::three, source, true, FitAim::textures, stopAt(2)), int);
+  CHECK(told == std::vector<std::size_t>{0, 1, 2});
+  told.clear();
+  CHECK_NOTHROW(adaptTo(SplatViewer::three, source, true, FitAim::textures, stopAt(289)));
+  REQUIRE(told.size() == 289);
+  CHECK(told.back() == 288);
+}
+
 TEST_CASE("formats without textures get the pieces in place of what is wide") {
   const Scratch scratch;
   writeBundle(scratch.folder() / "in.tgz", room());
