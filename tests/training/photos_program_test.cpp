@@ -90,7 +90,8 @@ class Trial : public tg::TemporaryFolder {
            "[ -n \"$task\" ] || exit 0; echo $task >>calls.txt; [ -n \"$list\" ] && cat \"$list\" >>lists.txt;"
            "[ -f \"hang_$task\" ] && { rm \"hang_$task\"; echo $$ >child.txt; exec sleep 600; };"
            "[ -f \"fail_$task\" ] && { echo 'what a pity'; exit 1; };"
-           "case $task in feature_extractor) cp answer/database.db \"$database\"; echo 'Processed file [1/6]';;"
+           "case $task in feature_extractor|matches_importer) cp answer/database.db \"$database\"; echo 'Processed "
+           "file [1/6]';;"
            "mapper) [ -d models_$smallest ] && models=models_$smallest; for model in ${models:-models}/*; do"
            " cp -r \"$model\" \"$output\" || exit 1; done;; esac; exit 0");
     ::unsetenv("DISPLAY");
@@ -138,10 +139,12 @@ class Trial : public tg::TemporaryFolder {
     REQUIRE(sqlite3_open((path / "answer/database.db").c_str(), &database) == SQLITE_OK);
     REQUIRE(sqlite3_exec(
                 database,
-                "CREATE TABLE images (image_id INTEGER, name TEXT); CREATE TABLE keypoints (image_id INTEGER, rows "
-                "INTEGER); CREATE TABLE matches (pair_id INTEGER, rows INTEGER); CREATE TABLE two_view_geometries "
-                "(pair_id INTEGER, rows INTEGER); INSERT INTO images VALUES (9, 'IMG_5.jpg');"
-                "INSERT INTO keypoints VALUES (9, 7);",
+                "PRAGMA journal_mode = WAL; CREATE TABLE images (image_id INTEGER, name TEXT); CREATE TABLE keypoints "
+                "(image_id INTEGER, rows INTEGER); CREATE TABLE matches (pair_id INTEGER, rows INTEGER); CREATE TABLE "
+                "two_view_geometries (pair_id INTEGER, rows INTEGER);"
+                "INSERT INTO images VALUES (9, 'IMG_5.jpg'), (5, 'IMG_4.jpg'), (1, 'IMG_0.jpg');"
+                "INSERT INTO keypoints VALUES (9, 7), (5, 500), (1, 500);"
+                "INSERT INTO two_view_geometries VALUES (2147483647 * 1 + 5, 16);",
                 nullptr, nullptr, nullptr) == SQLITE_OK);
     sqlite3_close(database);
   }
@@ -288,6 +291,8 @@ TEST_CASE("the largest model is taken, and who is in none hears why", "[photos]"
   CHECK(made.code == 0);
   CHECK_THAT(made.output, Contains("fall into 2 models") && Contains("the largest, of 4, is taken (others have 2)"));
   CHECK_THAT(made.output, Contains("left out: IMG 5.jpg: too little to hold on to: 7 features"));
+  CHECK_THAT(made.output, Contains("left out: IMG 4.jpg: 16 points in common with IMG 0.jpg, its best match of 1, do"));
+  for (const std::string file : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(trial / ("model.photos/database.db" + file)));
   const Outcome few = trial.photos("photos -o model.tgz --least-registered 70" + kShort);
   CHECK(few.code == 3);
   CHECK_THAT(few.output, Contains("too few photographs have a camera (expected at least 70 % of 6, found 4)"));

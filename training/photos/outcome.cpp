@@ -63,9 +63,10 @@ std::vector<FoundModel> findModels(const fs::path& models) {
   return found;
 }
 
-std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std::string>& names) {
+std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std::string>& names,
+                                    const std::map<std::string, std::string>& called) {
   std::vector<std::string> reasons(names.size());
-  const Database database = open(file, SQLITE_OPEN_READONLY);
+  const Database database = open(file, SQLITE_OPEN_READWRITE);  // who only reads leaves a -wal
   std::map<std::int64_t, Seen> images;
   const bool works =
       database &&
@@ -102,8 +103,11 @@ std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std:
     } else if (seen.pairs == 0) {
       reasons[i] = "nothing in common with another photograph that it was matched with";
     } else {
-      reasons[i] = std::to_string(seen.best) + " points in common with " + images.at(seen.best_with).name +
-                   ", its best match of " + std::to_string(seen.pairs) + ", do not tie it to the model";
+      const std::string& other = images.at(seen.best_with).name;
+      const auto other_called = called.find(other);
+      reasons[i] = std::to_string(seen.best) + " points in common with " +
+                   (other_called == called.end() ? other : other_called->second) + ", its best match of " +
+                   std::to_string(seen.pairs) + ", do not tie it to the model";
     }
   }
   return reasons;

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,8 +21,10 @@ struct FoundModel {
 std::vector<FoundModel> findModels(const std::filesystem::path& models);
 
 // For each name, what the database knows of why it is in no model: too few features, no pair, a pair too weak. Nothing
-// for a database that cannot be read.
-std::vector<std::string> whyLeftOut(const std::filesystem::path& database, const std::vector<std::string>& names);
+// for a database that cannot be read. `called`: what messages call the photograph of a name. SQLite's own files beside
+// the database are gone afterwards.
+std::vector<std::string> whyLeftOut(const std::filesystem::path& database, const std::vector<std::string>& names,
+                                    const std::map<std::string, std::string>& called);
 
 // Removes what matching wrote, so that it is done anew. False: not possible.
 bool forgetMatches(const std::filesystem::path& database);

@@ -328,12 +328,14 @@ class Job {
   void nameLeftOut(const std::set<std::string>& have) const {
     std::vector<std::string> names;
     std::vector<const Prepared*> left_out;
+    std::map<std::string, std::string> called;
     for (const Prepared& photograph : photographs_) {
+      called[photograph.name] = photograph.source;
       if (have.contains(photograph.name)) continue;
       names.push_back(photograph.name);
       left_out.push_back(&photograph);
     }
-    const std::vector<std::string> reasons = whyLeftOut(files().database, names);
+    const std::vector<std::string> reasons = whyLeftOut(files().database, names, called);
     for (std::size_t i = 0; i < std::min(names.size(), kMostNamed); ++i) {
       listener_.warn("left out: " + left_out[i]->source + (reasons[i].empty() ? "" : ": " + reasons[i]));
     }

@@ -229,14 +229,14 @@ TEST_CASE("a photograph without a camera hears why from COLMAP's database", "[ph
       "INSERT INTO keypoints VALUES (1, 900), (2, 12), (3, 800), (4, 700);");
   run("INSERT INTO two_view_geometries VALUES (" + std::to_string(2147483647LL * 1 + 4) + ", 17);");
   sqlite3_close(database);
-  const Strings reasons = tg::whyLeftOut(folder / "d.db", {"b.jpg", "c.jpg", "d.jpg", "e.jpg"});
+  const Strings reasons = tg::whyLeftOut(folder / "d.db", {"b.jpg", "c.jpg", "d.jpg", "e.jpg"}, {{"a.jpg", "frame 9"}});
   CHECK(reasons[0] == "too little to hold on to: 12 features, blurred or bare");
   CHECK(reasons[1] == "nothing in common with another photograph that it was matched with");
-  CHECK(reasons[2] == "17 points in common with a.jpg, its best match of 1, do not tie it to the model");
+  CHECK(reasons[2] == "17 points in common with frame 9, its best match of 1, do not tie it to the model");
   CHECK(reasons[3] == "COLMAP could not read it");
   CHECK(tg::forgetMatches(folder / "d.db"));
-  CHECK(tg::whyLeftOut(folder / "d.db", {"d.jpg"})[0] == reasons[1]);
+  CHECK(tg::whyLeftOut(folder / "d.db", {"d.jpg"}, {})[0] == reasons[1]);
   tg::writeTextAtomically(folder / "none.db", "no database, but long enough to be looked into by a library");
-  CHECK(tg::whyLeftOut(folder / "none.db", {"d.jpg"})[0].empty());
+  CHECK(tg::whyLeftOut(folder / "none.db", {"d.jpg"}, {})[0].empty());
   CHECK_FALSE(tg::forgetMatches(folder / "none.db"));
 }
