@@ -440,6 +440,11 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   says(trial.photos("absent -o x.tgz"), 2, "absent: cannot open");
   says(trial.photos("empty -o x.tgz"), 3, "empty: too few photographs");
   says(trial.photos("'photos/IMG 0.jpg' -o x.tgz"), 3, "too few photographs");
+  REQUIRE(run(trial, "tar cf photos.tar photos && tar czf photos.tgz photos").code == 0);
+  std::ofstream(trial / "photos.zip") << "PK\3\4 and so on";
+  for (const std::string archive : {"photos.tar", "photos.tgz", "photos.zip"}) {
+    says(trial.photos(archive + " -o x.tgz"), 3, archive + ": is an archive (expected a folder of photographs");
+  }
   says(trial.photos("scene -o x.tgz"), 1, "scene: is a data set with cameras already: `tgtrain scene -o model.tgz`");
   CHECK_FALSE(fs::exists(trial / "x.photos"));
   std::ofstream(trial / "empty/notes.jpg") << "a text";
@@ -453,6 +458,7 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   says(trial.photos("empty -o x.tgz"), 3,
        "it holds IMG_2.MOV (a film has a command of its own: `tgtrain photos empty/");
   says(trial.photos("broken.mp4 -o x.tgz"), 3, "broken.mp4: is no film that ffmpeg can read");
+  CHECK_FALSE(fs::exists(trial / "x.photos"));
   says(trial.photos("photos"), 1, "expected a folder of photographs or a film, and -o model.tgz");
   says(trial.photos("photos -o x.tgz --work photos"), 4, "photos: holds other files");
   says(trial.photos("photos -o y.tgz", "/nowhere"), 5,

@@ -2,6 +2,7 @@
 // photos.json in and out.
 #include "training/photos/ledger.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -66,10 +67,10 @@ Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
 }
 
 Ledger::~Ledger() {
-  if (made_ && entries_.empty()) {
+  const bool done = std::ranges::any_of(entries_, [](const auto& entry) { return entry.second.done; });
+  if (made_ && !done) {
     std::error_code ignored;
-    fs::remove(folder_ / kFile, ignored);
-    fs::remove_all(folder_ / "logs", ignored);
+    for (const char* made : {kFile, "logs", "images.part", "masks.part"}) fs::remove_all(folder_ / made, ignored);
     fs::remove(folder_, ignored);  // where nothing else is in it
   }
 }

@@ -21,8 +21,8 @@ class Ledger {
  public:
   static constexpr const char* kFile = "photos.json";
 
-  // Makes and locks the folder, which goes again where no stage has begun in it. A list that cannot be understood
-  // counts as none. Throws Error(cannotWrite), also for a folder with other people's files.
+  // Makes and locks the folder, which goes again where no stage is done in it. A list that cannot be understood counts
+  // as none. Throws Error(cannotWrite), also for a folder with other people's files.
   explicit Ledger(std::filesystem::path folder);
   ~Ledger();
   Ledger& operator=(Ledger&&) = delete;

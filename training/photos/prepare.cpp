@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "core/file/file.h"
@@ -128,6 +130,17 @@ Prepared keep(const fs::path& source, TakenPhotograph photograph, int longest_si
     writeImage(folder / prepared.name, photograph.image);
   }
   return prepared;
+}
+
+// By its first bytes: zip, gzip, xz, Zstandard, bzip2, 7z, rar, tar.
+bool isArchive(const fs::path& file) {
+  constexpr std::size_t kTarMagic = 257;
+  std::string head(kTarMagic + 5, '\0');
+  std::ifstream stream(file, std::ios::binary);
+  stream.read(head.data(), static_cast<std::streamsize>(head.size()));
+  constexpr std::string_view kMagics[] = {"PK\3\4", "\37\213", "\3757zXZ", "(\265/\375", "BZh", "7z\274\257", "Rar!"};
+  return std::ranges::any_of(kMagics, [&](std::string_view magic) { return head.starts_with(magic); }) ||
+         head.compare(kTarMagic, 5, "ustar") == 0;
 }
 
 // However a folder is spelled.
@@ -432,6 +445,10 @@ std::string madeOf(const PhotosOptions& options) {
   const std::string size = "longest side " + std::to_string(options.longest_side) + "\n";
   if (!fs::is_directory(status)) {
     if (pictureFormat(input) != PictureFormat::none) tooFew(input, 1);
+    if (fs::is_regular_file(status) && isArchive(input)) {
+      throw Error(ErrorKind::badData, input.string(),
+                  "is an archive (expected a folder of photographs or a film: unpack it first)");
+    }
     return "film " + identity(input) + "\nframes " + std::to_string(options.frames) + "\n" + size;
   }
   if (hasCameras(input)) {

@@ -54,12 +54,15 @@ TEST_CASE("a folder with other people's files is refused, a broken list is none"
   }
 }
 
-TEST_CASE("a folder in which no stage began goes again but not what else is in it", "[photos]") {
+TEST_CASE("a folder in which no stage is done goes again but not what else is in it", "[photos]") {
   const tg::TemporaryFolder folder;
   const auto use = [&] {
-    const Ledger ledger(folder / "work");
-    std::filesystem::create_directory(folder / "work/logs");
-    std::ofstream(folder / "work/logs/solver.txt") << "no COLMAP";
+    Ledger ledger(folder / "work");
+    ledger.begin(PhotoStage::photographs, "a film");
+    for (const char* made : {"logs", "images.part", "masks.part"}) {
+      std::filesystem::create_directory(folder / "work" / made);
+      std::ofstream(folder / "work" / made / "file") << "half of it";
+    }
   };
   use();
   CHECK_FALSE(std::filesystem::exists(folder / "work"));
@@ -70,5 +73,13 @@ TEST_CASE("a folder in which no stage began goes again but not what else is in i
   CHECK(std::filesystem::exists(folder / "work/notes.txt"));
   std::filesystem::remove(folder / "work/notes.txt");
   use();  // it was there before
+  CHECK(std::filesystem::exists(folder / "work/photos.json"));
+  std::filesystem::remove_all(folder / "work");
+  {
+    Ledger ledger(folder / "work");
+    ledger.begin(PhotoStage::photographs, "a film");
+    ledger.finish(PhotoStage::photographs);
+    ledger.begin(PhotoStage::features, "f");
+  }
   CHECK(std::filesystem::exists(folder / "work/photos.json"));
 }
