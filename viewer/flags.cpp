@@ -100,8 +100,9 @@ void declareRecording(CLI::App& app, Flags& flags) {
   app.add_option("-o,--output", flags.view.record,
                  "record --path or --turntable: a video (.mp4, .mov, .mkv, .webm), frames/####.png, or a folder")
       ->type_name("FILE");
-  app.add_option("--path", flags.view.path,
-                 "a camera path, or a cameras.json: its cameras, a second apart; without -o, for the window")
+  app.add_option(
+         "--path", flags.view.path,
+         "a camera path, or the cameras of a cameras.json or a model, a second apart; without -o, for the window")
       ->type_name("FILE");
   app.add_option("--turntable", flags.turntable, "once round the model in that many frames")->type_name("N");
   app.add_option("--elevation", flags.elevation, "[degrees] of the turntable above the horizon")->type_name("X");

@@ -8,6 +8,8 @@
 #include <glm/gtc/constants.hpp>
 #include <nlohmann/json.hpp>
 
+#include "converter/lod/lod_scene.h"
+#include "converter/registry/file_format.h"
 #include "core/bundle/camera_file.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
@@ -156,6 +158,22 @@ PathKey parseKey(const JsonNode& json) {
     key.lens.shift = {right, down};
   }
   return key;
+}
+
+// Any JSON may begin as a format does that is JSON, too: such a one is a model by its name.
+bool isModel(const std::filesystem::path& file) {
+  try {
+    const Format& format = detectFormat(file);
+    return !format.is_common || file.filename().string().ends_with(extensionOf(format));
+  } catch (const Error& error) {
+    if (error.kind != ErrorKind::badData) throw;
+    return false;
+  }
+}
+
+std::vector<Camera> camerasOf(const std::filesystem::path& model) {
+  if (!isLodMeta(model)) return readModel(model).cameras;
+  return readLodCameras(readLodScene(model), lodFolderReader(model));
 }
 
 }  // namespace
@@ -321,6 +339,12 @@ bool isPathFile(const std::filesystem::path& file) {
 }
 
 CameraPath readPath(const std::filesystem::path& file) {
+  if (isModel(file)) {
+    const std::vector<Camera> cameras = camerasOf(file);
+    if (!cameras.empty()) return pathOf(cameras, 1.0, file.string());
+    throw Error(ErrorKind::badData, file.string(),
+                "the model has no cameras to fly along (expected one at least, a camera path or a cameras.json)");
+  }
   const std::vector<std::uint8_t> bytes = readFile(file, kMaxPathBytes);
   return parsePath(std::string(bytes.begin(), bytes.end()), file.string());
 }

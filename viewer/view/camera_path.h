@@ -62,6 +62,7 @@ std::vector<Camera> keyCameras(const CameraPath& path, int height);
 CameraPath parsePath(const std::string& json, const std::string& file);
 std::string formatPath(const CameraPath& path);
 bool isPathFile(const std::filesystem::path& file);  // a JSON object, not a list of cameras; throws Error(cannotRead)
+// The same of a file, or of a model's own cameras as keys, one second apart. Throws what readModel throws, too.
 CameraPath readPath(const std::filesystem::path& file);
 
 // Edits that keep the order of the keys.

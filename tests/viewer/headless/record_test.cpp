@@ -4,6 +4,8 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "converter/registry/file_format.h"
+#include "core/bundle/bundle.h"
 #include "core/bundle/camera_file.h"
 #include "core/file/json.h"
 #include "core/image/metrics.h"
@@ -71,6 +73,36 @@ TEST_CASE("a path of two keys begins and ends with their pictures, cameras.json 
     CHECK(psnr8Bit(shop.read("a.png"), shop.read(std::string("path.json_frames/") + frame + ".png")) > 60);
     CHECK(psnr8Bit(shop.read("a.png"), shop.read(std::string("cameras.json_frames/") + frame + ".png")) > 60);
   }
+}
+
+TEST_CASE("a path along the model's own cameras begins and ends with their pictures") {
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  Bundle bundle = readBundle(shop / "model.tgz");
+  bundle.cameras = {lookAt({0, 0, -4}, {0, 0, 0}, {0, -1, 0}, 0.8, 96, 72),
+                    lookAt({3, -1, -2}, {0, 0, 0}, {0, -1, 0}, 0.6, 96, 72)};
+  writeBundle(shop / "model.tgz", bundle);
+  shop.write("cameras.json", formatCameras(bundle.cameras));
+  Written written;
+  std::filesystem::create_directory(shop / "levels");
+  writeModel(*findFormat("lod-meta.json"), shop / "levels/lod-meta.json", bundle, {}, written);
+  for (const std::string path : {"cameras.json", "model.tgz", "levels/lod-meta.json"}) {
+    const ProcessResult result = tgview(shop, {"--path", path, "--fps", "4", "-o", "frames/##.png", "--size", "96x72"});
+    INFO(path << result.err);
+    REQUIRE(result.exit_code == 0);
+    CHECK(filesIn(shop / "frames") == 5);
+    for (const auto& [camera, frame] : {std::pair{"0", "00"}, {"1", "04"}}) {
+      REQUIRE(tgview(shop, {"--render", "a.png", "--camera", camera}).exit_code == 0);
+      CHECK(psnr8Bit(shop.read("a.png"), shop.read(std::string("frames/") + frame + ".png")) > 60);
+    }
+    std::filesystem::remove_all(shop / "frames");
+  }
+  bundle.cameras.clear();
+  writeBundle(shop / "model.tgz", bundle);
+  const ProcessResult refused = tgview(shop, {"--path", "model.tgz", "-o", "frames"});
+  CHECK(refused.exit_code == 3);
+  CHECK_THAT(refused.err, Contains("model.tgz: the model has no cameras to fly along (expected one at least"));
+  CHECK_FALSE(std::filesystem::exists(shop / "frames"));
 }
 
 TEST_CASE("numbers are recorded as EXR") {
