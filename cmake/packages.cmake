@@ -8,7 +8,10 @@ include(GNUInstallDirs)
 set(doc_folder ${CMAKE_INSTALL_DATADIR}/doc/textured-gaussians)
 install(FILES README.md CHANGELOG.md CONTRIBUTING.md SECURITY.md LICENSE CITATION.cff
   DESTINATION ${doc_folder} COMPONENT doc)
-install(DIRECTORY docs DESTINATION ${doc_folder} COMPONENT doc)
+install(DIRECTORY docs DESTINATION ${doc_folder} COMPONENT doc PATTERN docs/lab EXCLUDE)
+# Of the lab, for maintainers, what the manuals link: its pages, without the megabytes that they are made of.
+file(GLOB lab_pages CONFIGURE_DEPENDS docs/lab/*.md)
+install(FILES ${lab_pages} DESTINATION ${doc_folder}/docs/lab COMPONENT doc)
 # What these link to, in the same places.
 install(FILES web/README.md DESTINATION ${doc_folder}/web COMPONENT doc)
 install(DIRECTORY web/examples web/src DESTINATION ${doc_folder}/web COMPONENT doc)

@@ -106,8 +106,10 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         check_tools(pathlib.Path(folder, "tools"))
         documents = "share/doc/textured-gaussians"
-        root, _ = check_component("doc", pathlib.Path(folder, "doc"),
+        root, found = check_component("doc", pathlib.Path(folder, "doc"),
                                   [f"{documents}/{name}" for name in ("README.md", "LICENSE", "docs/sample.tgz")])
+        figures = [name for name in found if "docs/lab/" in name and not name.endswith(".md")]
+        check(not figures, f"doc: what pages of the lab are made of is installed: {sorted(figures)[:3]}")
         check_links(root / documents)
         check_component("dev", pathlib.Path(folder, "dev"),
                         ["lib/libtextured_gaussians.a", "lib/cmake/textured_gaussians/textured_gaussians-config.cmake",
