@@ -12,6 +12,7 @@
 #include <memory>
 #include <new>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "converter/gltf/write_gltf.h"
@@ -185,6 +186,7 @@ class Training {
   void settle();
   std::optional<RunState> begin();
   void stepToEnd(Trainer& trainer, Watchers& watchers);
+  void sayWhatIsQuicker(const TrainProgress& progress);
   [[noreturn]] void keepWhatIsThere(Trainer& trainer, const Error& why);
   double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
@@ -200,6 +202,8 @@ class Training {
   std::optional<GaussianModel> context_;
   TrainSettings settings_;
   TrainingJsonOptions json_;
+  bool on_cpu_ = false;
+  bool said_quicker_ = false;
   bool storing_ = false;  // what is drawn is brought to the numbers of the file
   ProgressLine line_;
 };
@@ -236,7 +240,8 @@ void Training::open() {
   } else {
     load();
   }
-  if (!renderer_) renderer_ = makeCpuDifferentiableRenderer();
+  on_cpu_ = !renderer_;
+  if (on_cpu_) renderer_ = makeCpuDifferentiableRenderer();
   context_ = contextOf(options_, dataset_);
   if (context_) renderer_ = withContext(std::move(renderer_), *context_);
   if (!why_cpu_.empty() && options_.talks()) std::printf("training on the CPU (%s)\n", why_cpu_.c_str());
@@ -288,6 +293,23 @@ void Training::keepWhatIsThere(Trainer& trainer, const Error& why) {
   throw bundle ? keepModel(options_.output, *std::move(bundle), why) : why;
 }
 
+// Once, where the rest takes hours, which a first try may not be meant to.
+void Training::sayWhatIsQuicker(const TrainProgress& progress) {
+  constexpr int kJudged = 100;    // steps, before which an estimate says little
+  constexpr double kLong = 3600;  // [s]
+  const bool preset = options_.preset != "quick" && options_.settings_file.empty();  // which names all settings
+  const bool downscale = options_.data.downscale == 1;
+  if (said_quicker_ || !on_cpu_ || options_.run.resume || !(preset || downscale)) return;
+  if (progress.iteration < kJudged || progress.seconds_left < kLong) return;
+  said_quicker_ = true;
+  line_.finish();
+  const std::string quicker = !preset     ? "--downscale 2"
+                              : downscale ? "--preset quick or --downscale 2"
+                                          : "--preset quick";
+  // Not how long: what densification will add is not known yet.
+  std::fprintf(stderr, "tgtrain: an hour or more on the CPU (%s for a first look)\n", quicker.c_str());
+}
+
 void Training::stepToEnd(Trainer& trainer, Watchers& watchers) {
   while (!trainer.finished()) {
     watchers.beforeStep(trainer);
@@ -303,7 +325,11 @@ void Training::stepToEnd(Trainer& trainer, Watchers& watchers) {
                                : no_memory ? Error(ErrorKind::device, "out of memory")
                                            : Error(ErrorKind::cannotWrite, options_.output, error.what()));
     }
-    if (!options_.quiet) line_.show(trainer.progress());
+    if (!options_.quiet) {
+      const TrainProgress progress = trainer.progress();
+      line_.show(progress);
+      sayWhatIsQuicker(progress);
+    }
     if (run_) run_->afterStep(trainer);
     watchers.afterStep(trainer);
   }

@@ -235,3 +235,29 @@ TEST_CASE("plot draws the curves of runs, each with its name, and refuses what i
   CHECK(outcome.code == 3);
   CHECK_FALSE(fs::exists(folder / "new.svg"));
 }
+
+TEST_CASE("a training of hours on the CPU says once what is quicker where it may say something", "[watch]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(
+      tgtrain(folder, "make-sample scene --size 96 --views 2 --test-views 1 --points 2000 --supersampling 1").code ==
+      0);
+  const std::string hours =
+      "scene --device cpu --iterations 10000000 --texture-iterations 10000000 --densification none --run run "
+      "--metrics-every 50 ";
+  const auto said = [&](const std::string& flags) {
+    fs::remove_all(folder / "run");
+    Child child(folder, hours + flags);
+    child.until([&] { return contents(folder / "run/metrics.jsonl").find("\"iteration\":300") != std::string::npos; });
+    child.send(SIGTERM);
+    CHECK(child.end() == 128 + SIGTERM);
+    return child.output();
+  };
+  const std::string plain = said("");
+  CHECK_THAT(plain,
+             Contains("tgtrain: an hour or more on the CPU (--preset quick or --downscale 2 for a first look)\n"));
+  CHECK(plain.find("first look") == plain.rfind("first look"));
+  CHECK_THAT(said("--preset quick"), Contains(" an hour or more on the CPU (--downscale 2 for a first look)\n"));
+  CHECK_THAT(said("--downscale 2"), Contains(" an hour or more on the CPU (--preset quick for a first look)\n"));
+  CHECK_THAT(said("--preset quick --downscale 2"), !Contains("first look"));
+  CHECK_THAT(said("-q"), !Contains("first look"));
+}
