@@ -44,8 +44,9 @@ std::vector<std::uint8_t> ZipReader::read(const std::string& name, std::uint64_t
   const std::unique_ptr<archive, int (*)(archive*)> reader(archive_read_new(), archive_read_free);
   if (!reader) throw std::bad_alloc();
   archive_read_support_format_zip_seekable(reader.get());
-  // Without what follows, in which libarchive looks for the end, 16 KiB far.
-  if (archive_read_open_memory(reader.get(), bytes_.data(), end + kEndBytes) != ARCHIVE_OK) {
+  // Without what follows, in which libarchive looks for the end, 16 KiB far. In pieces: archive_filter_bytes() counts
+  // no part of one, and a stored entry may lie in one whole.
+  if (archive_read_open_memory2(reader.get(), bytes_.data(), end + kEndBytes, kPieceBytes) != ARCHIVE_OK) {
     fail("broken ZIP archive: " + reasonOf(reader.get(), "no entry"));
   }
   for (int i = 0;; ++i) {

@@ -394,6 +394,25 @@ TEST_CASE("SOG: steps too fine for a byte widen until nearly all texels fit") {
   CHECK(finest_alpha < alpha);
 }
 
+TEST_CASE("SOG: stored images may be longer than what an entry may inflate to") {
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.sog";
+  BytePixels noise(1024, 768);
+  std::uint32_t state = 1;
+  for (std::uint8_t& byte : noise.data)
+    byte = static_cast<std::uint8_t>((state = state * 1664525u + 1013904223u) >> 24);
+  const std::vector<std::uint8_t> image = encodeWebp(noise);
+  REQUIRE(image.size() > 5 << 19);
+  writeZip(path, std::vector<ZipEntry>{{"first.webp", image}, {"last.webp", image}}, path);
+  const std::vector<std::uint8_t> bytes = readFile(path, 1 << 23);
+  const ZipReader zip(bytes, "a.sog");
+  CHECK(zip.read("first.webp", image.size()) == image);
+  CHECK(zip.read("last.webp", image.size()) == image);
+  CHECK(test::messageOf([&] {
+          (void)zip.read("last.webp", image.size() - 1);
+        }).starts_with("a.sog: entry \"last.webp\" is too long"));
+}
+
 TEST_CASE("SOG: codebooks have all 256 values, which some readers take for granted") {
   const Scratch scratch;
   const auto path = scratch.folder() / "a.sog";
