@@ -293,8 +293,13 @@ void recordChanges(ViewerState& state, bool busy, bool flowing) {
 
 void forgetLastStep(ViewerState& state) {
   History& history = state.history;
-  if (history.done == 0 || history.done < history.steps.size() || movesByItself(state)) return;
-  history.last = history.steps.back().before;
+  if (history.done == 0 || history.done < history.steps.size() || !history.last || movesByItself(state)) return;
+  const HistoryStep& step = history.steps.back();
+  // What was put back may be a float's rounding from what it was: the state is not that before the step, but it changed
+  // in the same way. Where it did not, what was changed is none of the snapshot's, and had no step.
+  const ViewSnapshot now = snapshot(state, history.last);
+  if (step.edit || now == *history.last || stepName(*history.last, now) != step.name) return;
+  history.last = step.before;
   history.steps.pop_back();
   --history.done;
 }

@@ -103,8 +103,8 @@ struct ViewerState;
 // Once a frame. `busy`: a button or widget is held, or the camera moves by itself: the change is not over. `flowing`:
 // it came from the wheel or from held keys.
 void recordChanges(ViewerState& state, bool busy, bool flowing);
-// What the last step did has been taken back, as by the second press of a double click: it is none. Before
-// recordChanges().
+// What the last press changed has been taken back, as by the second one of a double click: its step is none. Edits
+// stay, and steps of anything else than what has changed since. Before recordChanges().
 void forgetLastStep(ViewerState& state);
 // The picture got another shape, and the lens follows it: no step.
 void reshape(ViewerState& state, double aspect);

@@ -991,6 +991,42 @@ TEST_CASE("a drag of a slider is one step, and so is a double click with what is
   CHECK(state.camera.speed == 1.25);
 }
 
+TEST_CASE("a double click on a slider that has no steps leaves the last one alone") {
+  ViewerState state = bareState();
+  setTool(state, EditTool::brush);
+  state.ui.tab = Tab::edit;
+  const Interface interface;
+  const auto frame = [&](ImVec2 at, bool pressed) {
+    const ImGuiID over = interface.hovered(state, at, pressed);
+    if (sliderIsPutBack()) forgetLastStep(state);
+    recordChanges(state, pressed || ImGui::IsAnyItemActive(), false);
+    return over;
+  };
+  for (int i = 0; i < 3; ++i) frame({-1, -1}, false);
+  const bool edits = GENERATE(true, false);
+  CAPTURE(edits);
+  state.edit.selection = selectionOf(*state.scene.model, {1, 1, 0, 0, 0, 0});
+  if (edits) deleteChosen(state);
+  for (int i = 0; i < 3; ++i) frame({-1, -1}, false);
+  const std::string name = undoName(state);
+  REQUIRE(name == (edits ? "Delete 2" : "Select 2"));
+  const std::size_t steps = state.history.steps.size();
+  const ImGuiWindow& page = pageWindow();
+  const ImGuiID id = ImHashStr("##brush", 0, ImHashStr("page", 0, page.ID));
+  ImVec2 place(page.Pos.x + page.Size.x - 20, page.Pos.y);
+  while (place.y < Interface::kHeight && frame(place, false) != id) place.y += 4;
+  const double brush = state.edit.brush;
+  for (const bool pressed : {true, false}) frame(place, pressed);
+  REQUIRE(state.edit.brush != brush);
+  for (const bool pressed : {true, false}) frame(place, pressed);
+  CHECK(state.edit.brush == brush);
+  CHECK(undoName(state) == name);
+  CHECK(state.history.steps.size() == steps);
+  undo(state);
+  CHECK(state.scene.model->size() == 6);
+  CHECK((state.edit.selection != nullptr) == edits);
+}
+
 TEST_CASE("fields of the crop box and of moves take finite numbers, and no corner moves the other one") {
   ViewerState state = bareState();
   state.display.crop = true;
