@@ -43,13 +43,16 @@ std::string reasonOf(httplib::Error error) {
   }
 }
 
-// Of several servers behind one address, each may have ETags of its own.
-std::string stampOf(const httplib::Response& response) {
-  const std::string written = response.get_header_value("Last-Modified");
-  return written.empty() ? response.get_header_value("ETag") : written;
+HttpStamp stampOf(const httplib::Response& response) {
+  return {response.get_header_value("Last-Modified"), response.get_header_value("ETag")};
 }
 
 }  // namespace
+
+bool sameEdition(const HttpStamp& a, const HttpStamp& b) {
+  if (!a.modified.empty() && !b.modified.empty()) return a.modified == b.modified;
+  return a.tag.empty() || b.tag.empty() || a.tag == b.tag;
+}
 
 class HttpReader::Client : public httplib::ClientImpl {
  public:
@@ -153,7 +156,7 @@ HttpReader::HttpReader(const std::string& address, int stall_seconds) : stall_se
 HttpReader::~HttpReader() = default;
 
 std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uint64_t max_bytes,
-                                           const std::stop_token& stop, std::string* stamp) {
+                                           const std::stop_token& stop, HttpStamp* stamp) {
   const std::string path = folder_ + (relative.empty() ? file_ : relative), name = base_ + path;
   client_->most = max_bytes;
   client_->stop = stop;
@@ -177,6 +180,7 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   const auto fetch = [&] { return client_->Get(path, {{"Accept-Encoding", "identity"}}, begin, take); };
   const auto asked = std::chrono::steady_clock::now();
   const httplib::Result result = client_->ask(fetch, status);
+  answered_ = status != 0;
   const bool silent = !result && result.error() == httplib::Error::Read && status == 0 &&
                       std::chrono::steady_clock::now() - asked >= std::chrono::seconds(stall_seconds_);
   if (stop.stop_requested()) throw ReadCancelled();
@@ -194,13 +198,14 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   return bytes;
 }
 
-std::string HttpReader::stampNow(const std::stop_token& stop) {
+std::optional<HttpStamp> HttpReader::stampNow(const std::stop_token& stop) {
   client_->most = 0;
   client_->stop = stop;
   const auto fetch = [&] { return client_->Head(folder_ + file_, {{"Accept-Encoding", "identity"}}); };
   const httplib::Result result = client_->ask(fetch, 0);
   if (stop.stop_requested()) throw ReadCancelled();
-  return result && result->status == 200 ? stampOf(*result) : "";
+  if (!result || result->status != 200) return std::nullopt;
+  return stampOf(*result);
 }
 
 }  // namespace tg

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -12,6 +13,14 @@ namespace tg {
 constexpr int kConnectSeconds = 10;
 constexpr int kFetchStallSeconds = 20;  // without a byte received
 constexpr int kFetchSeconds = 600;      // of a whole file
+
+// What a server says of a file's edition; "": nothing.
+struct HttpStamp {
+  std::string modified, tag;  // Last-Modified and ETag
+};
+// Like is held against like, Last-Modified first: of several servers behind one address, each may have ETags of its
+// own. True also where they have nothing in common.
+bool sameEdition(const HttpStamp& a, const HttpStamp& b);
 
 // Keeps its connection from file to file. To be used by one thread at a time.
 class HttpReader {
@@ -24,11 +33,13 @@ class HttpReader {
 
   // The bytes of a file beside the address's own; "" is that one. Throws Error(cannotRead) for what does not come, is
   // longer than that or has another status than 200, and ReadCancelled when `stop` is asked for. `stamp`, where not
-  // null, becomes what the server says of the file's edition; "": nothing.
+  // null, becomes the file's.
   std::vector<std::uint8_t> read(const std::string& relative, std::uint64_t max_bytes, const std::stop_token& stop,
-                                 std::string* stamp = nullptr);
-  // That of the address's own file now, without reading it. Throws ReadCancelled.
-  std::string stampNow(const std::stop_token& stop);
+                                 HttpStamp* stamp = nullptr);
+  // Whether the last read() had any answer.
+  bool answered() const { return answered_; }
+  // That of the address's own file now, without reading it; none where the server does not say. Throws ReadCancelled.
+  std::optional<HttpStamp> stampNow(const std::stop_token& stop);
 
  private:
   class Client;
@@ -36,6 +47,7 @@ class HttpReader {
   std::string base_;    // "http://HOST:PORT", as typed
   std::string folder_;  // of the path, with slashes at both ends
   std::string file_;
+  bool answered_ = false;
   std::unique_ptr<Client> client_;
 };
 

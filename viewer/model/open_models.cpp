@@ -20,6 +20,8 @@ namespace tg {
 
 namespace {
 
+constexpr int kMostBegun = 10;  // times that a scene is opened while it is written again and again
+
 bool isCameras(const std::filesystem::path& json) {
   try {
     return !isPathFile(json);
@@ -264,14 +266,15 @@ void OpenModels::takeFailure(ViewerState& state, const std::string& problem, int
 
 bool OpenModels::takeStreamed(ViewerState& state) {
   bool changed = false;
-  std::vector<std::filesystem::path> rewritten;
+  std::vector<std::pair<std::filesystem::path, int>> rewritten;  // and how often in vain
   for (std::size_t i = 0; i < streams_.size(); ++i) {
     std::optional<SceneStreamer::News> news = streams_[i].streamer->take();
     if (!news) continue;
     changed = true;
     if (news->rewritten) {  // levels of both are no scene
       const std::filesystem::path path = streams_[i].streamer->path();
-      if (streams_[i].models == 0 || documentOf(state, path) >= 0) rewritten.push_back(path);
+      const int in_vain = streams_[i].models == 0 ? streams_[i].begun_before + 1 : 0;
+      if (in_vain > 0 || documentOf(state, path) >= 0) rewritten.emplace_back(path, in_vain);
       streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i--));
       continue;
     }
@@ -284,8 +287,14 @@ bool OpenModels::takeStreamed(ViewerState& state) {
     streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i--));
     takeFailure(state, problem, error_kind);
   }
-  for (const std::filesystem::path& path : rewritten) {
+  for (const auto& [path, in_vain] : rewritten) {
+    if (in_vain == kMostBegun) {
+      takeFailure(state, std::string(SceneRewritten(path).what()) + ", " + std::to_string(in_vain) + " times",
+                  static_cast<int>(ErrorKind::cannotRead));
+      continue;
+    }
     read(path);
+    streams_.back().begun_before = in_vain;
     say(state, path.string() + " was written again");
   }
   return wish(state) || changed;

@@ -47,6 +47,7 @@ class OpenModels {
     SceneStreamer::News news;  // the last one, without its scene
     std::uint64_t models = 0;  // taken
     std::chrono::steady_clock::time_point begun;
+    int begun_before = 0;  // without a model, as the file was written again
   };
   // Where a model is looked at from. Equal: nobody has moved from the one to the other.
   struct View {

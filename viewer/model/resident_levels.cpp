@@ -3,10 +3,12 @@
 #include "viewer/model/resident_levels.h"
 
 #include <algorithm>
+#include <functional>
 #include <new>
 #include <optional>
 #include <tuple>
 
+#include "core/file/file.h"
 #include "core/file/identity.h"
 #include "core/file/web_address.h"
 #include "core/model/verbs.h"
@@ -23,6 +25,23 @@ double distance2(const LodLeaf& leaf, glm::dvec3 eye) {
   return glm::dot(nearest - eye, nearest - eye);
 }
 
+using Bytes = std::vector<std::uint8_t>;
+
+// `stamp` is of the file as it was opened. `now()` gives that of now, none where nothing can be said, and where `same`
+// denies, `again()` the file's bytes: stamps may change with the time of day, the machine of several that answers, or
+// the inode of a mount, and the file not.
+template <typename Stamp, typename Same, typename Now, typename Again>
+std::function<void()> requireSame(const std::filesystem::path& path, Bytes opened, Stamp stamp, Same same, Now now,
+                                  Again again) {
+  const auto bytes = std::make_shared<const Bytes>(std::move(opened));
+  return [=]() mutable {
+    const auto fresh = now();
+    if (!fresh || same(stamp, *fresh)) return;
+    if (again() != *bytes) throw SceneRewritten(path);
+    stamp = *fresh;
+  };
+}
+
 }  // namespace
 
 OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token& stop) {
@@ -32,22 +51,24 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
     opened.reader = [server, stop](const std::string& relative, std::uint64_t most) {
       return server->read(relative, most, stop);
     };
-    std::string stamp;
-    opened.scene = parseLodScene(server->read("", kMaxLodMetaBytes, stop, &stamp), path.string());
-    opened.require_same = [server, stop, stamp, path] {
-      const std::string now = stamp.empty() ? "" : server->stampNow(stop);
-      if (!now.empty() && now != stamp) throw SceneRewritten(path);
-    };
+    HttpStamp stamp;
+    Bytes bytes = server->read("", kMaxLodMetaBytes, stop, &stamp);
+    opened.scene = parseLodScene(bytes, path.string());
+    opened.require_same = requireSame(
+        path, std::move(bytes), stamp, sameEdition,
+        [server, stop] { return server->answered() ? server->stampNow(stop) : std::nullopt; },
+        [server, stop] { return server->read("", kMaxLodMetaBytes, stop); });
   } else {
     opened.reader = [files = lodFolderReader(path), stop](const std::string& relative, std::uint64_t most) {
       if (stop.stop_requested()) throw ReadCancelled();
       return files(relative, most);
     };
-    opened.require_same = [path, identity = identityOf(path)] {
-      const std::optional<FileIdentity> now = identityOf(path);
-      if (now && now != identity) throw SceneRewritten(path);
-    };
-    opened.scene = readLodScene(path);
+    const FileIdentity stamp = identityOf(path).value_or(FileIdentity{});
+    Bytes bytes = readFile(path, kMaxLodMetaBytes);
+    opened.scene = parseLodScene(bytes, path.string());
+    opened.require_same = requireSame(
+        path, std::move(bytes), stamp, std::equal_to<>(), [path] { return identityOf(path); },
+        [path] { return readRegularFile(path, kMaxLodMetaBytes); });
   }
   opened.cameras = readLodCameras(opened.scene, opened.reader, opened.warnings);
   return opened;
@@ -101,19 +122,18 @@ GaussianModel ResidentLevels::readFile(std::uint32_t file) {
     bytes_read_ += bytes.size();
     return bytes;
   };
-  const auto requireSame = [this] {
+  const auto askAgain = [this] {
     if (require_same_) require_same_();
   };
+  GaussianModel model;
   try {
-    GaussianModel model = readLodFile(scene_, file, counted).model;
-    requireSame();
-    return model;
-  } catch (const SceneRewritten&) {
-    throw;
+    model = readLodFile(scene_, file, counted).model;
   } catch (const Error&) {
-    requireSame();  // the files of the scene before may be gone
+    askAgain();  // the files of the scene before may be gone
     throw;
   }
+  askAgain();
+  return model;
 }
 
 void ResidentLevels::read(std::uint32_t file, std::span<const std::uint8_t> wanted) {

@@ -31,7 +31,9 @@ struct SceneRewritten : Error {
 struct OpenedLevels {
   LodScene scene;
   LodReader reader;  // of one thread at a time; throws ReadCancelled once `stop` was asked for
-  std::function<void()> require_same;  // asks file or server; throws SceneRewritten, and ReadCancelled as `reader`
+  // Asks the disk, or the server where it answered at last. Throws SceneRewritten, ReadCancelled as `reader`, and
+  // Error(cannotRead) where the file seems to be another one and cannot be read.
+  std::function<void()> require_same;
   std::vector<Camera> cameras;
   std::vector<std::string> warnings;
 };

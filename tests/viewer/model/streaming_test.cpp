@@ -80,6 +80,41 @@ struct Window {
   OpenModels open_models;
 };
 
+// The files of a folder below /scene/, with the headers that `stamp` sets, until this ends.
+class StampingServer {
+ public:
+  using Stamp = std::function<void(const httplib::Request&, httplib::Response&)>;
+  StampingServer(const std::filesystem::path& folder, Stamp stamp) {
+    server_.Get("/scene/(.*)", [this, folder, stamp](const httplib::Request& request, httplib::Response& response) {
+      const std::vector<std::uint8_t> bytes = readFile(folder / request.matches[1].str(), 1 << 24);
+      if (request.method == "GET" && isLodMeta(request.path)) ++opened;
+      response.set_content(reinterpret_cast<const char*>(bytes.data()), bytes.size(), "application/octet-stream");
+      stamp(request, response);
+    });
+    port_ = server_.bind_to_any_port("127.0.0.1");
+    serving_ = std::jthread([this] { server_.listen_after_bind(); });
+    while (!server_.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  ~StampingServer() { stop(); }
+  StampingServer& operator=(StampingServer&&) = delete;
+
+  void stop() { server_.stop(); }
+  int port() const { return port_; }
+  std::string address() const { return "http://127.0.0.1:" + std::to_string(port_) + "/scene/lod-meta.json"; }
+  std::atomic<int> opened{0};  // times that lod-meta.json was fetched
+
+ private:
+  httplib::Server server_;
+  int port_ = 0;
+  std::jthread serving_;
+};
+
+// Lets go of what waits for it, also where a test fails: the window waits for its threads.
+struct Released {
+  ~Released() { held = false; }
+  std::atomic<bool>& held;
+};
+
 void truncateFile(const std::filesystem::path& path) { std::filesystem::resize_file(path, 40); }
 
 }  // namespace
@@ -137,6 +172,7 @@ TEST_CASE("a scene opens with its coarsest level while finer files are slow, and
       return files(relative, most);
     };
   });
+  const Released released{*held};
   window.until([&] { return *asked > 0 && window.state.scene.model && !window.state.stream.loading.empty(); });
   CHECK(window.state.scene.gaussians == small.scene.counts.back());
   CHECK(window.state.scene.streamed_from == small.scene.counts.front());
@@ -292,48 +328,110 @@ TEST_CASE("a scene that is written again while it is streamed is read anew, neve
   REQUIRE(other.scene.files == small.scene.files);
   REQUIRE(other.scene.file_counts == small.scene.file_counts);
   std::atomic<int> edition{1};
-  httplib::Server server;
-  server.Get("/scene/(.*)", [&](const httplib::Request& request, httplib::Response& response) {
-    const std::vector<std::uint8_t> bytes = readFile(small.folder / request.matches[1].str(), 1 << 24);
+  StampingServer server(small.folder.path, [&](const httplib::Request&, httplib::Response& response) {
     response.set_header("ETag", std::to_string(edition));
-    response.set_content(reinterpret_cast<const char*>(bytes.data()), bytes.size(), "application/octet-stream");
   });
-  const int port = server.bind_to_any_port("127.0.0.1");
-  const std::jthread serving([&] { server.listen_after_bind(); });
-  while (!server.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   const bool served = GENERATE(false, true);
   CAPTURE(served);
-  std::filesystem::path path = small.path;
-  if (served) path = "http://127.0.0.1:" + std::to_string(port) + "/scene/lod-meta.json";
+  const std::filesystem::path path = served ? std::filesystem::path(server.address()) : small.path;
 
   std::atomic<bool> held{true};
   std::atomic<int> asked{0};
-  {
-    Window window(path, small.camera, 1500, [&](LodReader files) -> LodReader {
-      return [&, files](const std::string& relative, std::uint64_t most) {
-        const bool finer = relative.find("/" + std::to_string(small.scene.levels - 1) + "_") == std::string::npos;
-        if (finer) ++asked;
-        while (finer && held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-        return files(relative, most);
-      };
-    });
-    window.until([&] { return asked > 0 && window.state.scene.model; });
-    const OpenedLevels before = openLevels(path, {});
-    std::filesystem::copy(other.folder.path, small.folder.path,
-                          std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
-    ++edition;
-    CHECK_THAT(messageOf([&] { ResidentLevels(before.scene, before.reader, before.require_same); }),
-               Contains("lod-meta.json: was written again while it was read"));
-    held = false;
-    window.until([&] { return window.settled(); });
-    CHECK(window.state.messages.error.empty());
-    ResidentLevels fresh(other.scene, lodFolderReader(other.path));
-    const std::vector<std::uint8_t> wanted = chooseLevels(other.scene, small.camera, 1500);
-    for (const std::uint32_t file : fresh.missing(wanted, {})) fresh.read(file, wanted);
-    fresh.assemble(wanted);
-    CHECK(*window.state.scene.model == *fresh.model());
-  }
+  Window window(path, small.camera, 1500, [&](LodReader files) -> LodReader {
+    return [&, files](const std::string& relative, std::uint64_t most) {
+      const bool finer = relative.find("/" + std::to_string(small.scene.levels - 1) + "_") == std::string::npos;
+      if (finer) ++asked;
+      while (finer && held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      return files(relative, most);
+    };
+  });
+  const Released released{held};
+  window.until([&] { return asked > 0 && window.state.scene.model; });
+  const OpenedLevels before = openLevels(path, {});
+  std::filesystem::copy(other.folder.path, small.folder.path,
+                        std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  ++edition;
+  CHECK_THAT(messageOf([&] { ResidentLevels(before.scene, before.reader, before.require_same); }),
+             Contains("lod-meta.json: was written again while it was read"));
+  held = false;
+  window.until([&] { return window.settled(); });
+  CHECK(window.state.messages.error.empty());
+  ResidentLevels fresh(other.scene, lodFolderReader(other.path));
+  const std::vector<std::uint8_t> wanted = chooseLevels(other.scene, small.camera, 1500);
+  for (const std::uint32_t file : fresh.missing(wanted, {})) fresh.read(file, wanted);
+  fresh.assemble(wanted);
+  CHECK(*window.state.scene.model == *fresh.model());
+}
+
+TEST_CASE("a scene whose stamps change and whose lod-meta.json does not is read on") {
+  const SmallScene small;
+  const std::vector<std::uint8_t> bytes = readFile(small.path, 1 << 24);
+  std::atomic<int> asked{0};
+  const auto number = [&] { return std::to_string(++asked); };
+  const int kind = GENERATE(0, 1, 2);
+  CAPTURE(kind);
+  StampingServer server(small.folder.path, [&](const httplib::Request& request, httplib::Response& response) {
+    if (kind == 1) response.set_header("Last-Modified", number());
+    // HEAD says less than GET.
+    if (kind == 2 && request.method == "GET") response.set_header("Last-Modified", number());
+    if (kind == 2 && request.method == "HEAD") response.set_header("ETag", number());
+  });
+  std::atomic<int> finer{0}, coarsest{0};
+  const std::filesystem::path path = kind > 0 ? std::filesystem::path(server.address()) : small.path;
+  Window window(path, small.camera, small.scene.counts.front(), [&](LodReader files) -> LodReader {
+    return [&, files](const std::string& relative, std::uint64_t most) {
+      const bool first = relative.ends_with(small.scene.files[small.scene.leaves[0].levels.back().file]);
+      ++(first ? coarsest : finer);
+      if (kind == 0) {  // as a mount whose inodes change
+        std::ofstream(small.folder / "copy", std::ios::binary)
+            .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+        std::filesystem::rename(small.folder / "copy", small.path);
+      }
+      return files(relative, most);
+    };
+  });
+  window.until([&] { return window.settled(); });
+  CHECK(window.state.messages.error.empty());
+  CHECK(window.state.scene.gaussians > small.scene.counts.front() / 2);
+  CHECK(finer > 3);
+  CHECK(coarsest == 1);
+  if (kind == 2) CHECK(server.opened == 1);
+}
+
+TEST_CASE("a scene that is written again whenever it is opened is given up") {
+  const SmallScene small;
+  std::atomic<int> edition{0};
+  StampingServer server(small.folder.path, [&](const httplib::Request& request, httplib::Response& response) {
+    if (!isLodMeta(request.path)) return;
+    response.set_header("Last-Modified", std::to_string(++edition));
+    response.body += std::string(static_cast<std::size_t>(edition), ' ');
+  });
+  Window window(server.address(), small.camera, 1500);
+  CHECK_THAT(messageOf([&] { window.until([] { return false; }); }, ErrorKind::cannotRead),
+             Contains("lod-meta.json: was written again while it was read, 10 times"));
+  CHECK(server.opened <= 20);
+}
+
+TEST_CASE("a server that does not answer for a file is not asked for its scene") {
+  const SmallScene small;
+  StampingServer server(small.folder.path,
+                        [](const httplib::Request&, httplib::Response& response) { response.set_header("ETag", "1"); });
+  const OpenedLevels opened = openLevels(server.address(), {});
+  opened.require_same();
   server.stop();
+  CHECK_THAT(messageOf([&] { (void)opened.reader(small.scene.files[0], 1 << 20); }), Contains("cannot be fetched"));
+  httplib::Server silent;
+  std::atomic<int> asked{0};
+  silent.set_pre_routing_handler([&](const httplib::Request&, httplib::Response&) {
+    ++asked;
+    return httplib::Server::HandlerResponse::Handled;
+  });
+  REQUIRE(silent.bind_to_port("127.0.0.1", server.port()));
+  const std::jthread serving([&] { silent.listen_after_bind(); });
+  while (!silent.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  opened.require_same();
+  CHECK(asked == 0);
+  silent.stop();
 }
 
 TEST_CASE("finer levels with textures are drawn as these are, whether lod-meta.json says so or its files alone") {
