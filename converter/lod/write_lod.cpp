@@ -145,9 +145,7 @@ std::vector<File> filesOf(const std::vector<std::vector<std::size_t>>& counts, T
 
 constexpr const char* kDigits = "0123456789";
 constexpr std::string_view kFileMeta = "/meta.json", kCamerasName = "cameras.json";
-constexpr std::string_view kNewFolder = ".new-";         // and more: its name while it is made
-constexpr const char* kUnfinished = ".unfinished";       // a file in it until lod-meta.json names the folder
-constexpr std::chrono::milliseconds kLongestTurn(1000);  // that a program may take to name its folder
+constexpr std::chrono::seconds kLongestTurn(30);  // that a program may take to name its folder
 
 bool allOf(std::string_view text, const char* known) {
   return !text.empty() && text.find_first_not_of(known) == std::string_view::npos;
@@ -155,27 +153,39 @@ bool allOf(std::string_view text, const char* known) {
 
 fs::path parentOf(const fs::path& file) { return file.parent_path().empty() ? fs::path(".") : file.parent_path(); }
 
-// A folder that this program alone holds while this lives: not where another one does, or the file system knows no
-// locks. The system lets go of it with the process.
-class HeldFolder {
+// The lod-meta.json that is there, held by this program alone while this lives, so that no two remove what one names.
+// The system lets go of it with the process. Nothing is held where none is there or the file system knows no locks.
+class Turn {
  public:
-  explicit HeldFolder(const fs::path& folder, std::chrono::milliseconds patience = {})
-      : descriptor_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    const auto until = std::chrono::steady_clock::now() + patience;
-    while (descriptor_.get() >= 0 && !(held_ = ::flock(descriptor_.get(), LOCK_EX | LOCK_NB) == 0)) {
-      if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= until) return;
+  explicit Turn(const fs::path& meta) {
+    const auto until = std::chrono::steady_clock::now() + kLongestTurn;
+    for (;;) {
+      file_.emplace(::open(meta.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+      if (file_->get() < 0) return;
+      const bool held = ::flock(file_->get(), LOCK_EX | LOCK_NB) == 0;
+      if (!held && errno != EWOULDBLOCK) return;
+      if (held && isStillAt(meta)) return;  // else the one before has just replaced it
+      late_ = std::chrono::steady_clock::now() >= until;
+      if (late_) return;
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
   }
-  bool held() const { return held_; }
+  // Another one has held it all the time.
+  bool late() const { return late_; }
 
  private:
-  const Descriptor descriptor_;
-  bool held_ = false;
+  bool isStillAt(const fs::path& meta) const {
+    struct stat opened{}, there{};
+    return ::fstat(file_->get(), &opened) == 0 && ::stat(meta.c_str(), &there) == 0 && opened.st_dev == there.st_dev &&
+           opened.st_ino == there.st_ino;
+  }
+
+  std::optional<Descriptor> file_;
+  bool late_ = false;
 };
 
 // Whether a list of files in `parent`, but for the one of that name, has one in the folder N/.
-bool isNamedIn(const fs::path& parent, const std::string& folder, const fs::path& but_for = {}) {
+bool isNamedIn(const fs::path& parent, const std::string& folder, const fs::path& but_for) {
   for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
     if (!isLodMeta(entry.path()) || entry.path().filename() == but_for) continue;
     const std::vector<std::uint8_t> other = readRegularFile(entry.path(), kMaxLodMetaBytes);
@@ -186,54 +196,19 @@ bool isNamedIn(const fs::path& parent, const std::string& folder, const fs::path
   return false;
 }
 
-// Folders of programs that were killed while they made them, or just as they gave them their names. What cannot be
-// looked at stays.
-void removeUnfinished(const fs::path& parent) {
-  try {
-    std::vector<fs::path> folders;
-    for (const fs::directory_entry& entry : fs::directory_iterator(parent)) {
-      const std::string name = entry.path().filename().string();
-      const bool ours = name.starts_with(kNewFolder) || allOf(name, kDigits);
-      if (ours && fs::is_directory(entry.symlink_status())) folders.push_back(entry.path());
-    }
-    for (const fs::path& folder : folders) {
-      if (!isFile(folder / kUnfinished)) {
-        if (folder.filename().string().starts_with(kNewFolder)) ::rmdir(folder.c_str());  // an empty one
-        continue;
-      }
-      const HeldFolder held(folder);
-      if (!held.held() || !isFile(folder / kUnfinished)) continue;
-      if (isNamedIn(parent, folder.filename().string() + "/")) {
-        fs::remove(folder / kUnfinished);
-      } else {
-        fs::remove_all(folder);
-      }
-    }
-  } catch (const std::exception&) {
-  }
-}
-
 // A folder that is gone when this ends, unless it has got its name. Open to whom the process' mask allows.
 class NewFolder {
  public:
   explicit NewFolder(const fs::path& parent) {
     static std::atomic<unsigned> counter{0};
-    const std::string stem = std::string(kNewFolder) + std::to_string(::getpid()) + "-";
-    for (;;) {
+    const std::string stem = ".new-" + std::to_string(::getpid()) + "-";
+    do {
       path_ = parent / (stem + std::to_string(counter++));
-      if (::mkdir(path_.c_str(), 0777) != 0) {
-        if (errno == EEXIST) continue;
-        break;
+      if (::mkdir(path_.c_str(), 0777) == 0) {
+        removed_.emplace(path_);
+        return;
       }
-      removed_.emplace(path_);
-      held_.emplace(path_);
-      const Descriptor mark(::open((path_ / kUnfinished).c_str(), O_CREAT | O_WRONLY | O_CLOEXEC, 0666));
-      if (mark.get() >= 0) return;
-      const int reason = errno;
-      const bool was_there = ::rmdir(path_.c_str()) == 0;
-      errno = reason;
-      if (was_there) break;  // else removeUnfinished() of another program was faster
-    }
+    } while (errno == EEXIST);
     throw Error(ErrorKind::cannotWrite, parent.string(), "cannot make a folder here: " + systemReason());
   }
   ~NewFolder() {
@@ -264,11 +239,7 @@ class NewFolder {
     removed_.reset();  // a signal must not take what lod-meta.json is about to name
     return true;
   }
-  void keep() {
-    std::error_code ignored;
-    fs::remove(path_ / kUnfinished, ignored);
-    path_.clear();
-  }
+  void keep() { path_.clear(); }
 
  private:
   fs::path beside(int number) const { return path_.parent_path() / std::to_string(number); }
@@ -282,7 +253,6 @@ class NewFolder {
 
   fs::path path_;
   std::optional<RemovedBySignal> removed_;
-  std::optional<HeldFolder> held_;  // so that removeUnfinished() of others leaves it alone
 };
 
 // N/NAME with the folder N, a number as freeNumber() gives it; the name's part behind it, "" where it is another's.
@@ -372,7 +342,6 @@ class Writer {
     const fs::path parent = parentOf(path_);
     FolderToFill filled(parent);
     requireWritable(path_);
-    removeUnfinished(parent);
     NewFolder folder(parent);
     const std::string cameras = source_.cameras.empty() ? "" : storedCameras(source_.cameras, path_.string());
     makeLevels(counts);
@@ -396,13 +365,12 @@ class Writer {
       (void)parseLodScene(bytes, path_.string());  // what is there goes for what can be read
       AtomicFiles files;
       files.add(path_, bytes);
-      const fs::path parent = parentOf(path_);
-      const HeldFolder turn(parent, kLongestTurn);
-      const std::vector<fs::path> before = filesBefore(path_);
+      const Turn turn(path_);
+      const std::vector<fs::path> before = turn.late() ? std::vector<fs::path>() : filesBefore(path_);
       if (!folder.settle(number)) continue;
       files.commit();
       folder.keep();
-      removeFiles(before, parent);
+      removeFiles(before, parentOf(path_));
       bytes_ += meta.size();
       return;
     }

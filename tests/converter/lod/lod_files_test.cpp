@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes in levels of detail on disk: what is written comes back and looks alike from far away; what is broken is said.
-#include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -22,8 +19,10 @@
 #include "converter/scratch.h"
 #include "converter/sog/sog.h"
 #include "core/file/file.h"
+#include "core/file/folder_lock.h"
 #include "core/merge/moments.h"
 #include "core/model/verbs.h"
+#include "core/system/error.h"
 #include "core/system/parallel.h"
 #include "support/catch.h"
 #include "support/message_of.h"
@@ -385,7 +384,7 @@ TEST_CASE("levels of detail: folders are open to whom the process' mask allows")
   }
 }
 
-TEST_CASE("levels of detail: what a program that was killed has left goes with the next scene, and nothing else does") {
+TEST_CASE("levels of detail: a new scene removes what lod-meta.json named and no other folder, whatever its name") {
   const Scratch scratch;
   const fs::path path = scratch.folder() / "lod-meta.json";
   const auto leave = [&](const std::string& folder, bool mark) {
@@ -394,35 +393,56 @@ TEST_CASE("levels of detail: what a program that was killed has left goes with t
     if (mark) std::ofstream(scratch.folder() / folder / ".unfinished");
   };
   writeLod(path, trained(50, false));
-  std::ofstream(scratch.folder() / "0/.unfinished");  // killed just before it was removed
   leave(".new-1-0", true);
   leave("1", true);
   leave("2", false);
-  leave("three", true);
-  leave("4", true);
-  const int at_work = ::open((scratch.folder() / "4").c_str(), O_RDONLY | O_DIRECTORY);
-  REQUIRE(::flock(at_work, LOCK_EX | LOCK_NB) == 0);
+  fs::create_directory(scratch.folder() / ".new-york");
   writeLod(path, trained(50, false));
-  ::close(at_work);
   std::set<std::string> left;
   for (const fs::directory_entry& entry : fs::directory_iterator(scratch.folder())) {
     left.insert(entry.path().filename().string());
   }
-  CHECK(left == std::set<std::string>{"1", "2", "4", "lod-meta.json", "three"});
-  CHECK(readLodScene(path).files.front() == "1/0_0/meta.json");
-  CHECK_FALSE(fs::exists(scratch.folder() / "1/.unfinished"));
+  CHECK(left == std::set<std::string>{".new-1-0", ".new-york", "1", "2", "3", "lod-meta.json"});
+  CHECK(readLodScene(path).files.front() == "3/0_0/meta.json");
+  CHECK(fs::exists(scratch.folder() / "1/.unfinished"));
+}
+
+TEST_CASE("levels of detail: a scene is written beside a run that holds the folder, and does not hold it") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  writeLod(path, trained(50, false));
+  int refused = 0;
+  {
+    const std::jthread run([&](const std::stop_token& stop) {
+      while (!stop.stop_requested()) {
+        try {
+          const FolderLock alone(scratch.folder());
+        } catch (const Error&) {
+          ++refused;
+        }
+      }
+    });
+    for (int i = 0; i < 20; ++i) writeLod(path, trained(50, false));
+  }
+  CHECK(refused == 0);
+  CHECK(std::distance(fs::directory_iterator(scratch.folder()), fs::directory_iterator()) == 2);
 }
 
 TEST_CASE("levels of detail: of several that write one scene at once the last one leaves its files alone") {
   const Scratch scratch;
   const fs::path path = scratch.folder() / "lod-meta.json";
+  writeLod(path, trained(50, false));
   for (int round = 0; round < 5; ++round) {
     {
       std::vector<std::jthread> writers;
-      for (int i = 0; i < 4; ++i) writers.emplace_back([&, i] { writeLod(path, trained(50 + i, false)); });
+      for (int i = 0; i < 8; ++i) {
+        writers.emplace_back([&, source = trained(5 + i, false)] {
+          for (int k = 0; k < 5; ++k) writeLod(path, source);
+        });
+      }
     }
     CHECK(std::distance(fs::directory_iterator(scratch.folder()), fs::directory_iterator()) == 2);
-    CHECK(readModel(path).model.size() >= 50);
+    CHECK(readModel(path).model.size() >= 5);
   }
 }
 
