@@ -822,10 +822,10 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
          const std::optional<std::string>& atlas, std::optional<int> spz_version,
          const std::optional<std::string>& spz_axes, const std::optional<std::string>& viewer,
          const std::optional<std::string>& viewer_aim, bool dry_run, const std::optional<py::function>& progress) {
-        const auto tell = [&](const std::string& part, std::size_t done, std::size_t steps) {
+        const auto tell = [&](const std::string& part, std::size_t done, std::size_t all) {
           const py::gil_scoped_acquire acquire;
           if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-          if (progress) (*progress)(part, done, steps);
+          if (progress) (*progress)(part, done, all);
         };
         ConvertOptions options{.overwrite = overwrite,
                                .quantize = quantize,
