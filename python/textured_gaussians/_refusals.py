@@ -10,7 +10,8 @@ def _found(arguments, named):
 
 
 def _in_short(function, own=0):
-    """The function, whose TypeError names types of arguments alone; `own` of them stand before the caller's."""
+    """The function, whose TypeError names types of arguments alone; `own` of them stand before the caller's. What
+    Python code raises that it calls stays as it is."""
 
     @functools.wraps(function)
     def call(*arguments, **named):
@@ -18,7 +19,7 @@ def _in_short(function, own=0):
             return function(*arguments, **named)
         except TypeError as error:
             expected, printed, _ = str(error).partition("\nInvoked with: ")
-            if not printed:
+            if not printed or error.__traceback__.tb_next:
                 raise
         raise TypeError(f"{expected}\nFound: {_found(arguments[own:], named)}")
 

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import threading
 import time
+import traceback
 import unittest
 import warnings
 
@@ -212,6 +213,21 @@ class Refusals(Folder):
             self.assertTrue(said.endswith("\n" + end), said[-200:])
             self.assertIn("The following argument types are supported:\n    1. ", said)
             self.assertLess(len(said), 3000)
+
+    def test_type_errors_of_code_that_is_called_are_that_codes_own(self):
+        said = "f(): incompatible function arguments\nInvoked with: 1"  # as another module of pybind11's has it
+
+        def pictures():
+            raise TypeError(said)
+            yield
+
+        try:
+            tg.Dataset(pictures(), [])
+        except TypeError as error:
+            self.assertEqual(str(error), said)
+            self.assertEqual(traceback.extract_tb(error.__traceback__)[-1].name, "pictures")
+        else:
+            self.fail("accepted")
 
     def test_what_names_no_file_is_refused_by_its_type(self):
         content, picture = pathlib.Path(SAMPLE).read_bytes(), np.zeros((2, 2))
