@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Short words for arguments of wrong types: pybind11 prints all that they hold, which may be megabytes."""
+"""What pybind11 does otherwise than the module: of arguments of wrong types it prints all that they hold, which may be
+megabytes; its functions have names that nothing has; and pickling its objects by protocol 0 or 1 ends the process."""
 import functools
 
 
@@ -9,9 +10,9 @@ def _found(arguments, named):
     return ", ".join(types[:20] + ["..."] * (len(types) > 20)) or "nothing"
 
 
-def _in_short(function, own=0):
-    """The function, whose TypeError names types of arguments alone; `own` of them stand before the caller's. What
-    Python code raises that it calls stays as it is."""
+def _in_short(function, name, own=0):
+    """The function, of that name, whose TypeError names types of arguments alone; `own` of them stand before the
+    caller's. What Python code raises that it calls stays as it is."""
 
     @functools.wraps(function)
     def call(*arguments, **named):
@@ -23,15 +24,24 @@ def _in_short(function, own=0):
                 raise
         raise TypeError(f"{expected}\nFound: {_found(arguments[own:], named)}")
 
+    call.__qualname__ = name
     return call
+
+
+def _reduce(self, protocol):
+    return object.__reduce_ex__(self, max(protocol, 2))
 
 
 def shorten(scope):
     """All functions, constructors and methods of a module or class of pybind11's, in place."""
+    is_class = isinstance(scope, type)
+    if is_class and not issubclass(scope, BaseException):
+        scope.__reduce_ex__ = _reduce
     for name, member in list(vars(scope).items()):
+        known = f"{scope.__qualname__}.{name}" if is_class else name
         if isinstance(member, type):
             shorten(member)
         elif isinstance(member, staticmethod):
-            setattr(scope, name, staticmethod(_in_short(member.__func__)))
+            setattr(scope, name, staticmethod(_in_short(member.__func__, known)))
         elif callable(member) and (name == "__init__" or not name.startswith("_")):
-            setattr(scope, name, _in_short(member, own=int(isinstance(scope, type))))
+            setattr(scope, name, _in_short(member, known, own=int(is_class)))

@@ -151,6 +151,24 @@ class Models(Folder):
             for name in ("texture_mode", "background", "cameras", "intersection", "outside", "sh_degree"):
                 self.assertEqual(getattr(again, name), getattr(given, name), name)
 
+    def test_every_protocol_pickles(self):
+        run = subprocess.run([sys.executable, "-c", """
+import pickle, sys, numpy as np, textured_gaussians as tg
+model, plain = tg.Model.load(sys.argv[1]), tg.Model([[1, 2, 3]], [[1, 0, 0, 0]], [[0, 0, 0]], [1], [[[1, 1, 1]]])
+for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+    again, camera, error = pickle.loads(pickle.dumps((plain, model.cameras[0], tg.Error("text")), protocol))
+    assert np.array_equal(again.means, plain.means) and camera == model.cameras[0] and str(error) == "text"
+    try:
+        pickle.dumps(tg.Renderer(plain), protocol)
+    except TypeError as error:
+        assert "pickle" in str(error), error
+    else:
+        assert False
+    for function in tg.evaluate, tg.Model.load, tg.Renderer.render:
+        assert pickle.loads(pickle.dumps(function, protocol)) is function
+""", SAMPLE], env=os.environ | {"PYTHONPATH": FOLDER}, capture_output=True, text=True)
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
+
     def test_files_that_are_none_are_refused_with_their_kind(self):
         self.refused("cannot_read", "none.tgz", tg.Model.load, self.folder / "none.tgz")
         self.refused("cannot_read", os.fsdecode(b"n\xf6ne.tgz"), tg.Model.load, os.fsdecode(b"n\xf6ne.tgz"))
