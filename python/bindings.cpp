@@ -163,25 +163,30 @@ std::string shapeText(const py::array& array) {
   return "[" + text + "]";
 }
 
+[[noreturn]] void refuseType(const std::string& expected, const py::object& found) {
+  throw py::type_error(oneLine(expected + ", found " + std::string(py::str(found))));
+}
+
+// What NumPy makes of an argument. Throws TypeError, which begins with `expected`, and what else Python raises
+// meanwhile: an __array__ that is interrupted, a warning that is an error.
+py::array anyArrayFrom(const py::object& given, const std::string& expected) {
+  try {
+    return py::array(given);
+  } catch (const py::error_already_set& raised) {
+    if (!raised.matches(PyExc_TypeError) && !raised.matches(PyExc_ValueError)) throw;
+    refuseType(expected, py::type::of(given).attr("__name__"));
+  }
+}
+
 // An array of numbers whose type's kind, NumPy's letter, is one of `kinds`. NumPy makes numbers of texts, dates and
-// truths, too, and of masked values what lies behind the mask. Throws TypeError, which begins with `expected`, and what
-// else Python raises meanwhile: an __array__ that is interrupted, a warning that is an error.
+// truths, too, and of masked values what lies behind the mask. Throws as anyArrayFrom().
 template <typename Number>
 ArrayOf<Number> arrayFrom(const py::object& given, std::string_view kinds, const std::string& expected) {
-  const auto requireType = [&](bool right, const py::object& found) {
-    if (!right) throw py::type_error(oneLine(expected + ", found " + std::string(py::str(found))));
-  };
-  const auto array = [&]() -> py::array {
-    try {
-      return py::array(given);
-    } catch (const py::error_already_set& raised) {
-      requireType(!raised.matches(PyExc_TypeError) && !raised.matches(PyExc_ValueError),
-                  py::type::of(given).attr("__name__"));
-      throw;
-    }
-  }();
-  requireType(!py::isinstance(given, py::module_::import("numpy.ma").attr("MaskedArray")), py::str("masked values"));
-  requireType(array.size() == 0 || kinds.find(array.dtype().kind()) != kinds.npos, array.dtype());
+  const py::array array = anyArrayFrom(given, expected);
+  if (py::isinstance(array, py::module_::import("numpy.ma").attr("MaskedArray"))) {
+    refuseType(expected, py::str("masked values"));
+  }
+  if (array.size() != 0 && kinds.find(array.dtype().kind()) == kinds.npos) refuseType(expected, array.dtype());
   return ArrayOf<Number>(array);
 }
 
@@ -232,19 +237,16 @@ int channelsOf(const Array& array, const std::string& name, bool colored) {
   return deep ? static_cast<int>(array.shape(2)) : 1;
 }
 
-// Whether NumPy makes an array of this type's very numbers of an argument.
-template <typename Number>
-bool isArrayOf(const py::object& given) {
-  return py::isinstance<py::array>(given) && py::isinstance<py::array_t<Number>>(given);
-}
+bool isOfBytes(const py::array& array) { return py::isinstance<py::array_t<std::uint8_t>>(array); }
 
 ByteImage imageFrom(const py::object& given, const std::string& name) {
   const std::string expected = name + ": expected uint8, black 0 and white 255, or floats, black 0 and white 1";
-  if (isArrayOf<std::uint8_t>(given)) {
-    const auto array = arrayFrom<std::uint8_t>(given, "u", expected);
+  const py::array any = anyArrayFrom(given, expected);
+  if (isOfBytes(any)) {
+    const auto array = arrayFrom<std::uint8_t>(any, "u", expected);
     return bytesOf(array, channelsOf(array, name, true));
   }
-  const auto array = arrayFrom<float>(given, "f", expected);
+  const auto array = arrayFrom<float>(any, "f", expected);
   const int channels = channelsOf(array, name, true);
   return toBytes({static_cast<int>(array.shape(1)),
                   static_cast<int>(array.shape(0)),
@@ -254,14 +256,17 @@ ByteImage imageFrom(const py::object& given, const std::string& name) {
 
 ByteImage maskFrom(const py::object& given, const std::string& name) {
   if (given.is_none()) return {};
-  const auto array =
-      arrayFrom<std::uint8_t>(given, isArrayOf<std::uint8_t>(given) ? "u" : "b", name + ": expected truths or uint8");
+  const std::string expected = name + ": expected truths or uint8";
+  const py::array any = anyArrayFrom(given, expected);
+  const auto array = arrayFrom<std::uint8_t>(any, isOfBytes(any) ? "u" : "b", expected);
   return bytesOf(array, channelsOf(array, name, false));
 }
 
 std::vector<float> colorsFrom(const py::object& given) {
-  const bool bytes = isArrayOf<std::uint8_t>(given);
-  const auto array = arrayFrom<float>(given, bytes ? "u" : "f", "colors: expected uint8 up to 255 or floats up to 1");
+  const std::string expected = "colors: expected uint8 up to 255 or floats up to 1";
+  const py::array any = anyArrayFrom(given, expected);
+  const bool bytes = isOfBytes(any);
+  const auto array = arrayFrom<float>(any, bytes ? "u" : "f", expected);
   requireShape(array, {-1, 3}, "colors", "[P, 3]");
   std::vector<float> colors(array.data(), array.data() + array.size());
   if (bytes) std::ranges::transform(colors, colors.begin(), [](float value) { return value / 255; });

@@ -264,6 +264,16 @@ class Refusals(Folder):
         self.refused("usage", "path: a name of 100000 bytes", tg.Model.load, "x" * 100000)
 
 
+class Convertible:
+    """As pictures of PIL's and tensors are: no array, but one can be made of it."""
+
+    def __init__(self, array):
+        self.array = array
+
+    def __array__(self, *_, **__):
+        return self.array
+
+
 class Raising:
     """Is no array."""
 
@@ -491,6 +501,20 @@ class Training(Folder):
                              ("colors: expected uint8", {"points": [[0, 0, 0]], "colors": [[255, 0, 0]]})):
             with self.subTest(words=words), self.assertRaisesRegex(TypeError, words):
                 tg.Dataset(**({"images": images, "cameras": cameras} | given))
+
+    def test_what_numpy_makes_arrays_of_is_taken_by_the_type_of_the_array(self):
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        image = np.arange(36, dtype=np.uint8).reshape(3, 4, 3)
+        dataset = tg.Dataset([Convertible(image)], [camera], masks=[Convertible(image[:, :, 0])], points=[[0, 0, 0]],
+                             colors=Convertible(image[0, :1]))
+        self.assertEqual(dataset.photograph(0).tolist(), (image / np.float32(255)).tolist())
+        self.assertEqual(len(tg.Dataset([Convertible(image / 255)], [camera], masks=[Convertible(image[..., 0] > 0)])),
+                         1)
+        for words, given in (("image 0: expected uint8, .* found int64", {"images": [Convertible(image.astype("i8"))]}),
+                             ("mask 0: .* found float64", {"masks": [Convertible(np.ones((3, 4)))]}),
+                             ("image 0: .* found masked", {"images": [np.ma.masked_array(image)]})):
+            with self.subTest(words=words), self.assertRaisesRegex(TypeError, words):
+                tg.Dataset(**({"images": [image], "cameras": [camera]} | given))
 
     def test_a_data_set_tells_what_it_was_read_without(self):
         scene = self.folder / "scene"
