@@ -273,29 +273,34 @@ std::vector<float> colorsFrom(const py::object& given) {
   return colors;
 }
 
-// One picture after the other, so that they need not be in memory together.
+// What `make` makes of each, by its name. One after the other, so that they need not be in memory together, and no more
+// than `most` [cameras], since an iterable may have no end.
+template <typename Make>
+std::vector<ByteImage> picturesOf(const py::iterable& given, std::size_t most, const std::string& what,
+                                  const Make& make) {
+  std::vector<ByteImage> pictures;
+  for (const py::handle each : given) {
+    if (pictures.size() == most) refuse(what + "s: more than cameras (expected " + std::to_string(most) + ")");
+    pictures.push_back(make(py::reinterpret_borrow<py::object>(each), what + " " + std::to_string(pictures.size())));
+  }
+  return pictures;
+}
+
 Dataset makeDataset(const py::iterable& images, std::vector<Camera> cameras,
                     const std::optional<std::vector<py::str>>& names, const std::optional<ArrayLike>& points,
                     const std::optional<ArrayLike>& colors, const std::optional<py::iterable>& masks,
                     const std::optional<std::array<float, 3>>& background, int test_every) {
   DatasetData data;
-  const auto place = [](const char* of, std::size_t i) { return std::string(of) + " " + std::to_string(i); };
-  for (const py::handle image : images) {
-    data.images.push_back(imageFrom(py::reinterpret_borrow<py::object>(image), place("image", data.images.size())));
-  }
   if (names && names->size() != cameras.size()) {
     refuse("names: expected one a camera, " + std::to_string(cameras.size()) + ", found " +
            std::to_string(names->size()));
   }
   for (std::size_t i = 0; names && i < cameras.size(); ++i) cameras[i].name = fileNameFrom((*names)[i]);
+  data.images = picturesOf(images, cameras.size(), "image", &imageFrom);
+  if (masks) data.masks = picturesOf(*masks, cameras.size(), "mask", &maskFrom);
   data.cameras = std::move(cameras);
   if (points) data.points = floatsOf(*points, {-1, 3}, "points", "[P, 3]");
   if (colors) data.colors = colorsFrom(*colors);
-  if (masks) {
-    for (const py::handle mask : *masks) {
-      data.masks.push_back(maskFrom(py::reinterpret_borrow<py::object>(mask), place("mask", data.masks.size())));
-    }
-  }
   data.background = background;
   data.test_every = test_every;
   const py::gil_scoped_release release;

@@ -483,12 +483,14 @@ class Training(Folder):
         for kind, words, given in (
                 ("bad_data", "data set: cameras: wrong length (expected 1, found 2)", (images[:1], cameras)),
                 ("bad_data", "data set: image 0: no picture of its camera's size", (np.zeros((2, 4, 3)), cameras)),
+                ("usage", "images: more than cameras (expected 2)", (images * 2, cameras)),
                 ("usage", "image 1: expected an array of shape [height, width]", ([images[0], np.zeros(3)], cameras)),
                 ("usage", "image: 8 bits hold finite numbers alone (found nan", (np.full((2, 3, 4), np.nan), cameras))):
             with self.subTest(words=words):
                 self.refused(kind, words, tg.Dataset, *given)
         for kind, words, given in (
                 ("usage", "names: expected one a camera, 2, found 1", {"names": ["a"]}),
+                ("usage", "masks: more than cameras (expected 2)", {"masks": [None] * 3}),
                 ("usage", "mask 0: expected an array of shape [height, width], found", {"masks": [images[0] > 0] * 2}),
                 ("bad_data", "data set: mask 0: hides every pixel", {"masks": [np.zeros((3, 4), bool), None]}),
                 ("usage", "points: expected an array of shape [P, 3]", {"points": np.zeros((3, 4))}),
@@ -496,6 +498,9 @@ class Training(Folder):
                 ("usage", "--test-every: out of range", {"test_every": 1})):
             with self.subTest(words=words):
                 self.refused(kind, words, tg.Dataset, images, cameras, **given)
+        unread = iter(images)
+        self.refused("usage", "names: expected one", tg.Dataset, unread, cameras, names=["a"])
+        self.assertEqual(len(list(unread)), 2)
         for words, given in (("image 0: expected uint8", {"images": np.zeros((2, 3, 4), np.int64)}),
                              ("mask 1: expected truths or uint8, found", {"masks": [None, np.ones((3, 4))]}),
                              ("colors: expected uint8", {"points": [[0, 0, 0]], "colors": [[255, 0, 0]]})):
