@@ -36,10 +36,10 @@ void requireFinite(const Image& image, const std::string& name) {
 
 }  // namespace
 
-ByteImage toBytes(const Image& image) {
+ByteImage toBytes(const Image& image, const std::string& name) {
   return guarded([&] {
-    requireShape(image, "image");
-    requireFinite(image, "image");
+    requireShape(image, name);
+    requireFinite(image, name);
     ByteImage bytes{image.width, image.height, image.channels, {}};
     bytes.data.reserve(image.data.size());
     for (const float value : image.data) {

@@ -251,7 +251,8 @@ ByteImage imageFrom(const py::object& given, const std::string& name) {
   return toBytes({static_cast<int>(array.shape(1)),
                   static_cast<int>(array.shape(0)),
                   channels,
-                  {array.data(), array.data() + array.size()}});
+                  {array.data(), array.data() + array.size()}},
+                 "data set: " + name);
 }
 
 ByteImage maskFrom(const py::object& given, const std::string& name) {

@@ -886,6 +886,7 @@ TEST_CASE("a picture in 8 bits is that of a PNG") {
   image.data[4] = NAN;
   CHECK(messageOf([&] { toBytes(image); }, ErrorKind::usage) ==
         "image: 8 bits hold finite numbers alone (found nan at column 1, row 1)");
+  CHECK_THAT(messageOf([&] { toBytes(image, "frame 7"); }, ErrorKind::usage), Contains("frame 7: 8 bits hold"));
   image.data.pop_back();
   CHECK_THAT(messageOf([&] { toBytes(image); }, ErrorKind::usage), Contains("image: no picture"));
 }

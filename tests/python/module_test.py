@@ -485,7 +485,8 @@ class Training(Folder):
                 ("bad_data", "data set: image 0: no picture of its camera's size", (np.zeros((2, 4, 3)), cameras)),
                 ("usage", "images: more than cameras (expected 2)", (images * 2, cameras)),
                 ("usage", "image 1: expected an array of shape [height, width]", ([images[0], np.zeros(3)], cameras)),
-                ("usage", "image: 8 bits hold finite numbers alone (found nan", (np.full((2, 3, 4), np.nan), cameras))):
+                ("usage", "data set: image 1: 8 bits hold finite numbers alone (found nan",
+                 ([images[0], np.full((3, 4, 3), np.nan)], cameras))):
             with self.subTest(words=words):
                 self.refused(kind, words, tg.Dataset, *given)
         for kind, words, given in (

@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 namespace textured_gaussians {
@@ -22,9 +23,9 @@ struct ByteImage {
   std::vector<std::uint8_t> data;  // [height, width, channels], top row first
 };
 
-// Clamped to [0, 1] and rounded, as in a .png that writeImage() writes. Throws Error(usage) for numbers that are not
-// finite, and for data that is not as long as the shape says.
-ByteImage toBytes(const Image& image);
+// Clamped to [0, 1] and rounded, as in a .png that writeImage() writes. Throws Error(usage), which begins with `name`,
+// for numbers that are not finite, and for data that is not as long as the shape says.
+ByteImage toBytes(const Image& image, const std::string& name = "image");
 
 // PNG, JPEG, WebP or EXR, told apart by their first bytes. A regular file. Throws Error: cannotRead, badData.
 Image readImage(const std::filesystem::path& path);
