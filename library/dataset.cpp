@@ -137,6 +137,14 @@ tg::Image imageOf(const ByteImage& bytes) {
   return image;
 }
 
+// The image's bytes are moved where they are the photograph's own.
+tg::Photograph photographOf(ByteImage& image, std::vector<std::uint8_t> mask, const glm::vec3& background) {
+  if (image.channels != 3) return tg::photographOf(imageOf(image), std::move(mask), background);
+  tg::Photograph photograph;
+  photograph.pixels = {image.width, image.height, std::move(image.data), std::move(mask)};
+  return photograph;
+}
+
 // Throws tg::Error.
 tg::Dataset made(DatasetData&& data) {
   tg::DatasetOptions options;
@@ -165,7 +173,7 @@ tg::Dataset made(DatasetData&& data) {
     std::vector<std::uint8_t> mask;
     if (!data.masks.empty()) mask = std::move(data.masks[place].data);
     for (std::uint8_t& value : mask) value = value == 0 ? 0 : 255;
-    photographs[view] = tg::photographOf(imageOf(image), std::move(mask), dataset.background);
+    photographs[view] = photographOf(image, std::move(mask), dataset.background);
     if (image.channels == 4) (*transparent)[view] = std::move(image);
   });
   const std::shared_ptr<tg::PhotographStore> store = tg::storeInMemory(std::move(photographs));

@@ -16,6 +16,7 @@
 
 #include "core/bundle/bundle.h"
 #include "library/access.h"
+#include "support/address_space.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
 #include "textured_gaussians/textured_gaussians.h"
@@ -621,6 +622,22 @@ TEST_CASE("of photographs in memory every n-th by name is held out unless a came
   data.cameras.resize(1);
   data.test_every = 8;
   CHECK(heldOut(Dataset(data)) == "9");
+}
+
+TEST_CASE("an opaque photograph in memory takes no memory beside its bytes") {
+  TG_SKIP_IF(tg::test::noAddressSpaceLimit());
+  constexpr int width = 8000, height = 6000;
+  std::vector<std::uint8_t> bytes(3 * width * height, 7);
+  bytes[5] = 255;
+  const Camera camera = lookAt({0, 0, -6}, {0, 0, 0}, {0, -1, 0}, 0.8, width, height);
+  DatasetData data;
+  data.images.push_back({width, height, 3, std::move(bytes)});
+  data.cameras.push_back(camera);
+  setThreads(1);
+  const tg::test::AddressSpaceLimit limit(std::uint64_t{100} << 20);  // as floats it takes 576 MB
+  const Dataset dataset(std::move(data));
+  setThreads(0);
+  CHECK(Access::dataset(dataset)->pixels(0)->rgb[5] == 255);
 }
 
 TEST_CASE("photographs in memory that make no data set are refused by name") {
