@@ -14,6 +14,7 @@
 
 #include "core/bundle/bundle.h"
 #include "core/system/error.h"
+#include "core/system/shortened.h"
 #include "render/settings.h"
 #include "textured_gaussians/dataset.h"
 #include "textured_gaussians/error.h"
@@ -73,7 +74,7 @@ inline void requirePath(const std::filesystem::path& path, const std::string& wh
 inline std::string withoutDashes(const std::string& name) { return name.starts_with("--") ? name.substr(2) : name; }
 // What a message calls one: by its name, or what was given in quotes where that is none.
 inline std::string calledBy(const std::string& given) {
-  const std::string name = withoutDashes(given);
+  const std::string name = tg::shortened(withoutDashes(given));
   return name.empty() ? '"' + given + '"' : name;
 }
 

@@ -12,6 +12,7 @@
 #include "converter/gltf/write_gltf.h"
 #include "converter/idle.h"
 #include "core/system/numbers.h"
+#include "core/system/shortened.h"
 #include "library/access.h"
 
 namespace textured_gaussians {
@@ -23,6 +24,11 @@ void requireRange(const char* flag, const std::optional<Number>& found, Number l
   throw tg::Error(
       tg::ErrorKind::usage, flag,
       "out of range" + tg::expectedFound(tg::numberText(low) + " to " + tg::numberText(high), tg::numberText(*found)));
+}
+
+template <typename Enum>
+Enum named(const std::string& value, const char* flag) {
+  return tg::parse<Enum>(tg::shortened(value), flag);
 }
 
 // The flags that these options are on tgconvert's command line.
@@ -63,10 +69,12 @@ std::vector<tg::Edit> editsOf(const ConvertOptions& options, const tg::ReadOptio
       throw tg::Error(tg::ErrorKind::usage, calledBy(given), "no such edit (docs/converter.md has them)");
     }
     if (std::string_view(option->value).empty() && !value.empty()) {
-      throw tg::Error(tg::ErrorKind::usage, name, "takes no value (expected \"\", found \"" + value + "\")");
+      throw tg::Error(tg::ErrorKind::usage, name,
+                      "takes no value (expected \"\", found \"" + tg::shortened(value) + "\")");
     }
-    if (option->value == "FILE") requirePath(value, name);
-    edits.push_back({flag, value, reading});
+    const bool is_file = option->value == "FILE";
+    if (is_file) requirePath(value, name);
+    edits.push_back({flag, is_file ? value : tg::shortened(value), reading});
   }
   return edits;
 }
@@ -88,18 +96,18 @@ tg::ConvertOptions optionsOf(const ConvertOptions& options) {
   own.cameras = options.cameras;
   own.lean = options.lean;
   own.dry_run = options.dry_run;
-  if (options.atlas) own.atlas = tg::parse<tg::AtlasFormat>(*options.atlas, "--atlas");
+  if (options.atlas) own.atlas = named<tg::AtlasFormat>(*options.atlas, "--atlas");
   own.quantize = options.quantize;
   own.meshopt = options.meshopt;
   own.steps = options.steps;
   own.texture_step = options.texture_step;
   own.spz_version = options.spz_version;
-  if (options.spz_axes) own.spz_axes = tg::parse<tg::SpzAxes>(*options.spz_axes, "--spz-axes");
+  if (options.spz_axes) own.spz_axes = named<tg::SpzAxes>(*options.spz_axes, "--spz-axes");
   for (const Camera& view : options.views) own.views.push_back(cameraOf(view));
   own.target = {options.target_size.value_or(0), options.target_psnr.value_or(0)};
   own.edits = editsOf(options, {.base_only = own.base_only, .spz_axes = own.spz_axes});
-  if (options.viewer) own.viewer = tg::parse<tg::SplatViewer>(*options.viewer, "--for");
-  if (options.viewer_aim) own.aim = tg::parse<tg::FitAim>(*options.viewer_aim, "--for-aim");
+  if (options.viewer) own.viewer = named<tg::SplatViewer>(*options.viewer, "--for");
+  if (options.viewer_aim) own.aim = named<tg::FitAim>(*options.viewer_aim, "--for-aim");
   return own;
 }
 

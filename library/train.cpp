@@ -81,13 +81,13 @@ Settings namedSettings(const TrainOptions& options) {
   Settings named;
   for (const auto& [given, value] : options.settings) {
     const auto [place, added] = named.emplace(withoutDashes(given), value);
-    if (!added) throw tg::Error(tg::ErrorKind::usage, place->first, "is given twice");
+    if (!added) throw tg::Error(tg::ErrorKind::usage, calledBy(place->first), "is given twice");
   }
   return named;
 }
 
 tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Model>& start) {
-  tg::TrainSettings settings = tg::presetSettings(options.preset);
+  tg::TrainSettings settings = tg::presetSettings(tg::shortened(options.preset));
   const Settings named = namedSettings(options);
   const auto names = [&](const char* setting) { return named.contains(setting); };
   for (const auto& [name, value] : named) {
@@ -98,7 +98,7 @@ tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Mo
                       "expected " + tg::allNames<tg::Start>(", ") + " or a model that is loaded, found '" +
                           tg::shortened(value) + "'");
     }
-    entry->set(settings, value);
+    entry->set(settings, tg::shortened(value));  // no value is as long
   }
   // As tgtrain has it: what is named goes over what the preset or the start model says.
   if (names("percent") && !names("gaussians") && settings.percent > 0) settings.gaussians = 0;

@@ -18,6 +18,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/system/shortened.h"
 #include "textured_gaussians/textured_gaussians.h"
 
 namespace py = pybind11;
@@ -118,7 +119,7 @@ struct Names {
     if (found != names.end()) return static_cast<Enum>(found - names.begin());
     std::string expected;
     for (const char* each : names) expected += (expected.empty() ? "" : ", ") + std::string(each);
-    refuse(std::string(what) + ": expected one of " + expected + ", found \"" + name + "\"");
+    refuse(std::string(what) + ": expected one of " + expected + ", found \"" + tg::shortened(name) + "\"");
   }
   const char* of(Enum value) const { return names[static_cast<std::size_t>(value)]; }
 };
@@ -648,11 +649,25 @@ std::string decimals(double number, int digits) {
   return {text.data(), end};
 }
 
-// As tgtrain's flags take it.
-std::string settingText(py::object value) {
-  if (py::hasattr(value, "dtype") && py::hasattr(value, "item")) value = value.attr("item")();  // a number of NumPy's
+// What an array of one holds, as of a number of NumPy's; anything else as it is.
+py::object itemOf(const py::object& value) {
+  if (!py::hasattr(value, "dtype") || !py::hasattr(value, "item")) return value;
+  try {
+    return value.attr("item")();
+  } catch (const py::error_already_set& raised) {  // as an array of several does
+    if (!raised.matches(PyExc_ValueError) && !raised.matches(PyExc_RuntimeError)) throw;
+    return value;
+  }
+}
+
+// As tgtrain's flags take it. Throws TypeError, which names the setting, for what is no text, number or truth.
+std::string settingText(const std::string& setting, const py::object& given) {
+  const py::object value = itemOf(given);
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "on" : "off";
   if (py::isinstance<ValueText>(value)) return fileNameFrom(py::reinterpret_borrow<ValueText>(value));
+  if (!py::isinstance(value, py::module_::import("numbers").attr("Number"))) {
+    refuseType(tg::shortened(setting) + ": expected a text, a number or a truth", py::type::of(value).attr("__name__"));
+  }
   return fileNameFrom(py::str(value));
 }
 
@@ -734,8 +749,9 @@ or far from the origin; a line of warnings says how a model is brought back.)")
              for (const auto& [key, value] : settings) {
                std::string name = fileNameFrom(py::str(key));
                std::ranges::replace(name, '_', '-');
-               if (!options.settings.emplace(name, settingText(py::reinterpret_borrow<py::object>(value))).second) {
-                 refuse(name + ": is given twice");
+               const py::object given = py::reinterpret_borrow<py::object>(value);
+               if (!options.settings.emplace(name, settingText(name, given)).second) {
+                 refuse(tg::shortened(name) + ": is given twice");
                }
              }
              const py::gil_scoped_release release;
@@ -858,7 +874,7 @@ else the model's, where it is known, as of a .tgz and of what has cameras, else 
                                .viewer_aim = viewer_aim,
                                .dry_run = dry_run,
                                .progress = tell};
-        for (const auto& [name, value] : edits) options.edits.emplace_back(name, settingText(value));
+        for (const auto& [name, value] : edits) options.edits.emplace_back(name, settingText(name, value));
         const std::filesystem::path from = pathFrom(input, "input"), to = pathFrom(output, "output");
         const py::gil_scoped_release release;
         return convert(from, to, options);

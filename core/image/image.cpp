@@ -11,6 +11,7 @@
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
 #include "core/system/parallel.h"
+#include "core/system/shortened.h"
 
 namespace tg {
 namespace {
@@ -98,7 +99,7 @@ void write(const std::filesystem::path& path, const Image& image, bool drawn) {
     return writeFileAtomically(path, encodeJpeg(image, 95, drawn, path.string()));
   if (extension == ".exr") return writeFileAtomically(path, encodeExrPicture(image, path.string()));
   throw Error(ErrorKind::usage, path.string(),
-              "unknown image format (expected .png, .jpg or .exr, found \"" + extension + "\")");
+              "unknown image format (expected .png, .jpg or .exr, found \"" + shortened(extension, 20, 10) + "\")");
 }
 
 }  // namespace

@@ -5,6 +5,7 @@ that writes a data set. Exit code 77: NumPy is missing."""
 import ast
 import concurrent.futures
 import copy
+import decimal
 import inspect
 import os
 import pathlib
@@ -247,6 +248,51 @@ class Refusals(Folder):
         else:
             self.fail("accepted")
 
+    def test_long_texts_are_quoted_by_their_beginnings_and_ends(self):
+        long = "x" * 100000
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        dataset, model = tg.Dataset([np.zeros((3, 4))], [camera]), tg.Model.load(SAMPLE)
+        for begin, call, given, named in (
+                ("--preset: expected default, quick, paper, found", tg.Trainer, (dataset, long), {}),
+                ("--iterations: ", tg.Trainer, (dataset,), {"iterations": long}),
+                ("--iterations: ", tg.Trainer, (dataset,), {"iterations": "9" * 100000}),
+                ("xxx", tg.Trainer, (dataset,), {long: 1}),
+                ("xxx", tg.Trainer, (dataset,), {long + "_": 1, long + "-": 2}),
+                ("xxx", tg.Trainer, (dataset,), {long: 1, "--" + long: 2}),
+                ("xxx", tg.convert, (SAMPLE, "a.ply"), {"edits": [(long, 1)]}),
+                ("--scale ", tg.convert, (SAMPLE, "a.ply"), {"edits": [("scale", long)]}),
+                ("upright: takes no value", tg.convert, (SAMPLE, "a.ply"), {"edits": [("upright", long)]}),
+                ("--atlas: ", tg.convert, (SAMPLE, "a.glb"), {"atlas": long}),
+                ("--spz-axes: ", tg.convert, (SAMPLE, "a.ply"), {"spz_axes": long}),
+                ("--for: ", tg.convert, (SAMPLE, "a.splat"), {"viewer": long}),
+                ("--for-aim: ", tg.convert, (SAMPLE, "a.splat"), {"viewer": "three", "viewer_aim": long}),
+                ("split: expected one of test, train, all, found", tg.evaluate, (model, dataset), {"split": long}),
+                ("texture mode: expected one of ", tg.evaluate, (model, dataset), {"textures": long})):
+            with self.subTest(begin=begin, named=list(named)), self.assertRaises(tg.Error) as caught:
+                call(*given, **named)
+            said = str(caught.exception)
+            self.assertEqual(said[:len(begin)], begin)
+            self.assertRegex(said, r"(x\.\.\.x|9\.\.\.9)")
+            self.assertLess(len(said), 600)
+        with self.assertRaises(tg.Error) as caught:
+            tg.write_image("a." + "y" * 4000, np.zeros((2, 2)))
+        self.assertEqual(str(caught.exception).count("y" * 100), 40)
+
+    def test_settings_are_texts_numbers_and_truths(self):
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        dataset = tg.Dataset([np.zeros((3, 4))], [camera])
+        for value in decimal.Decimal(3), np.array([3]), np.array(3), np.str_("3"), np.bytes_(b"3"):
+            self.assertEqual(tg.Trainer(dataset, iterations=value).progress.iterations, 3)
+        for value, kind in (([0] * 300000, "list"), (None, "NoneType"), (np.zeros(3), "ndarray"), ({}, "dict"),
+                            (np.datetime64("2020-01-01"), "date"), (np.array([None]), "NoneType")):
+            with self.subTest(kind=kind):
+                words = f": expected a text, a number or a truth, found {kind}$"
+                self.assertRaisesRegex(TypeError, "^texture-size" + words, tg.Trainer, dataset, texture_size=value)
+                self.assertRaisesRegex(TypeError, "^scale" + words, tg.convert, SAMPLE, "a.ply",
+                                       edits=[("scale", value)])
+        with self.assertRaises(KeyboardInterrupt):
+            tg.Trainer(dataset, iterations=Item(KeyboardInterrupt))
+
     def test_what_names_no_file_is_refused_by_its_type(self):
         content, picture = pathlib.Path(SAMPLE).read_bytes(), np.zeros((2, 2))
         for words, call, given in (
@@ -272,6 +318,18 @@ class Convertible:
 
     def __array__(self, *_, **__):
         return self.array
+
+
+class Item:
+    """Is a number of another library's."""
+
+    dtype = None
+
+    def __init__(self, error):
+        self.error = error
+
+    def item(self):
+        raise self.error
 
 
 class Raising:
