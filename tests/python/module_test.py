@@ -629,6 +629,12 @@ class Training(Folder):
                      start=self.folder / "model.tgz")
         flags = set(re.findall(r"^ +(?:-\w,\s*)?--([a-z0-9-]+)",
                                subprocess.run([MAKE_SAMPLE[0], "--help"], capture_output=True, text=True).stdout, re.M))
+        table = pathlib.Path("library/train.cpp").read_text().split("kOtherFlags[] = {\n")[1].split("};")[0]
+        others = re.findall(r'^    \{"([a-z0-9-]+)", ', table, re.M)
+        self.assertEqual(len(others), table.count("\n"))
+        for other in others:  # a flag, and no setting
+            self.assertIn(other, flags)
+            self.refused("usage", f"{other}: is ", tg.Trainer, dataset, "default", None, **{"--" + other: "?"})
         flags -= {"preset", "help", "version", "completion", "man"}
         self.assertGreater(len(flags), 60)
         for flag in flags:  # a setting, or told where it is
