@@ -11,7 +11,8 @@
 namespace tg {
 
 // Throws Error(badData) unless 1 <= width * height <= kMaxImagePixels and the file is long enough to hold them: no
-// coder accepted here stores more than `max_ratio` bytes of pixels in one byte of file. Small images always pass.
+// coder accepted here stores more than `max_ratio` bytes of pixels in one byte of file, but WebP's of a picture that is
+// nearly of one colour. Small images always pass.
 void checkImageSize(std::int64_t width, std::int64_t height, std::int64_t bytes_per_pixel, std::size_t file_bytes,
                     std::int64_t max_ratio, const std::string& path);
 
