@@ -24,16 +24,17 @@ struct OtherFlag {
   const char* name;
   const char* place;
 };
-constexpr const char* kOfDataset = "is an option of the data set, as it is loaded";
+constexpr const char* kOfDataset = "is an option of the data set";
+constexpr const char* kOfLoading = "is an option of Dataset::load() (Python: Dataset.load())";
 constexpr const char* kOfProgram = "is tgtrain's alone";
 constexpr OtherFlag kOtherFlags[] = {
     {"start-model", "is no setting: give the model itself, loaded, as start"},
     {"preset", "is no setting, but an argument of its own"},
     {"threads", "is set for all that the library does, by setThreads() (Python: set_threads)"},
-    {"downscale", kOfDataset},
+    {"downscale", kOfLoading},
     {"background", kOfDataset},
     {"test-every", kOfDataset},
-    {"normalize", kOfDataset},
+    {"normalize", kOfLoading},
     {"output", kOfProgram},
     {"target-size", kOfProgram},
     {"steps", kOfProgram},

@@ -677,6 +677,9 @@ void bindTraining(py::module_& module) {
            "points"_a = py::none(), "colors"_a = py::none(), "masks"_a = py::none(), "background"_a = py::none(),
            "test_every"_a = 8, R"(N photographs in memory; they train and score as PNGs of them in a folder.
 
+Their order becomes that of a folder: by name, those to train on first. photograph(i), cameras[i] and an evaluation's
+views[i] are therefore not of images[i]; where no camera has a name, both parts keep the order in which they are given.
+
 images: N arrays [height, width, 3 or 4] or [height, width], of uint8, or of floats with black 0 and white 1, which are
 clamped and rounded to 8 bits; any iterable, of which one after the other is read. cameras: N, each of its image's size;
 where one is .test these are held out. names: N, of the photographs, instead of the cameras' own. points [P, 3] [world
@@ -820,8 +823,8 @@ void bindEvaluation(py::module_& module) {
 
 progress: called as progress(done, photographs) after every one, on this thread; what it raises ends the evaluation.
 
-As tgeval does it, the same numbers: over the background that the data set was loaded with, where one was asked for,
-else the model's, where it is known, as of a .tgz and of what has cameras, else the data set's.)");
+As tgeval does it, the same numbers: over the background that the data set was made or loaded with, where one was asked
+for, else the model's, where it is known, as of a .tgz and of what has cameras, else the data set's.)");
 
   py::class_<ConvertReport>(module, "ConvertReport", "What a conversion read and wrote.")
       .def("__repr__",

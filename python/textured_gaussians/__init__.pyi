@@ -202,7 +202,7 @@ class Trainer:
         dataset: Dataset,
         preset: str = ...,
         start: Union[Model, Literal["points", "random"], None] = ...,
-        **settings: Union[_Value, bool],
+        **settings: _Value,
     ) -> None: ...
     def step(self) -> bool: ...
     @property

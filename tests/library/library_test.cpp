@@ -396,7 +396,9 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
         "start: expected points, random or a model that is loaded, found 'model.tgz'");
   CHECK(refused({.settings = {{"--start-model", "model.tgz"}}}) ==
         "start-model: is no setting: give the model itself, loaded, as start");
-  CHECK(refused({.settings = {{"downscale", "2"}}}) == "downscale: is an option of the data set, as it is loaded");
+  CHECK(refused({.settings = {{"downscale", "2"}}}) ==
+        "downscale: is an option of Dataset::load() (Python: Dataset.load())");
+  CHECK(refused({.settings = {{"test-every", "2"}}}) == "test-every: is an option of the data set");
   CHECK(refused({.settings = {{"run", "folder"}}}) == "run: is tgtrain's alone");
   CHECK_THAT(refused({.preset = "best"}), Contains("best"));
   // The preset's limit gives way to the share that is named.

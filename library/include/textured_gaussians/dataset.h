@@ -45,10 +45,10 @@ class Dataset {
  public:
   Dataset(const Dataset&) = default;
   Dataset& operator=(const Dataset&) = default;
-  // As of a folder with these photographs as PNGs: trainings and evaluations have the same bytes. Keeps 3 bytes a
-  // pixel, 4 more of an image of 4 channels and 1 of a mask. Throws Error(badData) naming the member, or the image by
-  // its place, whose length, size or numbers are wrong, also where none is to train on; Error(usage) for cameras that
-  // are none and values out of range.
+  // As of a folder with these photographs as PNGs: trainings and evaluations have the same bytes, and the order is by
+  // name, those to train on first, without names as given. Keeps 3 bytes a pixel, 4 more of an image of 4 channels and
+  // 1 of a mask. Throws Error(badData) naming the member, or the image by its place, whose length, size or numbers are
+  // wrong, also where none is to train on; Error(usage) for cameras that are none and values out of range.
   explicit Dataset(DatasetData data);
   // A NeRF-synthetic, instant-ngp / nerfstudio or COLMAP folder (docs/training.md), which is read from there later,
   // too, whatever the working folder is by then. Throws Error: cannotRead, badData, usage for options out of range.
