@@ -11,10 +11,10 @@
 #include <sstream>
 
 #include "core/file/file.h"
+#include "core/image/picture_name.h"
 #include "core/model/views.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
-#include "core/system/lower_case.h"
 #include "core/system/median.h"
 #include "core/system/parallel.h"
 #include "core/system/shortened.h"
@@ -225,12 +225,9 @@ void noteWithoutCamera(const fs::path& images, const std::string& name, const Da
   for (const DatasetIndex::Entry& entry : index.entries) placed.insert(fs::path(entry.below_images).lexically_normal());
   std::error_code reason;
   for (fs::recursive_directory_iterator file(images, reason), end; !reason && file != end; file.increment(reason)) {
-    const std::string extension = lowerExtension(file->path());
-    const bool picture = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".webp" ||
-                         extension == ".exr";
     const fs::path below = file->path().lexically_relative(images);
     const bool shown = !file->path().filename().string().starts_with(".");
-    if (picture && shown && !placed.contains(below)) others.insert(below);
+    if (isPictureName(file->path()) && shown && !placed.contains(below)) others.insert(below);
   }
   if (others.empty()) return;
   notes.push_back(std::to_string(others.size()) + " photographs in " + name +

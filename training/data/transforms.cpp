@@ -22,8 +22,8 @@ namespace {
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{256} << 20;
 constexpr double kRowTolerance = 1e-3;  // of what is 0, 0, 0, 1 in every matrix: as rounded as the rest of it
 constexpr std::array<const char*, 10> kDistortion = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2"};
-constexpr std::array<const char*, 9> kExtensions = {"",     ".png", ".jpg", ".jpeg", ".webp",
-                                                    ".exr", ".PNG", ".JPG", ".JPEG"};
+constexpr std::array<const char*, 11> kExtensions = {"",     ".png", ".jpg",  ".jpeg", ".webp", ".exr",
+                                                     ".PNG", ".JPG", ".JPEG", ".WEBP", ".EXR"};
 
 nlohmann::json readObject(const std::string& path) {
   nlohmann::json json = parseJson(readRegularFile(path, kMaxJsonBytes), path);

@@ -9,19 +9,14 @@
 #include <utility>
 
 #include "core/bundle/blocks.h"
+#include "core/image/picture_name.h"
 #include "core/system/error.h"
-#include "core/system/lower_case.h"
 #include "viewer/picture/dataset_lens.h"
 
 namespace tg {
 namespace fs = std::filesystem;
 
 namespace {
-
-bool isPhotograph(const std::filesystem::path& path) {
-  const std::string extension = lowerExtension(path);
-  return extension == ".png" || extension == ".jpg" || extension == ".jpeg" || extension == ".exr";
-}
 
 std::ptrdiff_t depth(const std::filesystem::path& path) { return std::distance(path.begin(), path.end()); }
 
@@ -66,7 +61,7 @@ Photographs::Photographs(std::filesystem::path folder) : folder_(wholeOf(std::mo
     if (error) break;
     if (at.depth() >= kMaxPhotographFolders) at.disable_recursion_pending();
     std::error_code ignored;
-    if (!at->is_regular_file(ignored) || !isPhotograph(at->path())) continue;
+    if (!at->is_regular_file(ignored) || !isPictureName(at->path())) continue;
     const fs::path below = at->path().lexically_relative(folder_);
     if (isAmongMasks(below)) continue;
     by_stem_[below.stem().string()].push_back(below);

@@ -277,6 +277,12 @@ TEST_CASE("finds photographs by paths with backslashes and by extensions in capi
   CHECK(dataset.views[0].name == "b.PNG");
   CHECK(dataset.views[1].name == "a.png");
   CHECK(dataset.views[1].test);
+  std::string before = "b.PNG";
+  for (const char* name : {"b.JPG", "b.JPEG", "b.WEBP", "b.EXR"}) {  // formats are told by bytes
+    fs::rename(folder / "images" / before, folder / "images" / name);
+    CHECK(loadDataset(folder.path).views.at(0).name == name);
+    before = name;
+  }
 }
 
 TEST_CASE("finds WebP photographs by their paths without an extension and reads them", "[dataset]") {

@@ -38,7 +38,7 @@ TEST_CASE("photographs are found by the names of cameras, in the folders of the 
   const TemporaryFolder folder;
   for (const char* name : {"images/0001.jpg", "images_4/0001.jpg", "images/frame.02.PNG", "train/r_0.png",
                            "test/r_0.png", "sparse/0/points.bin", "notes.txt", "0001.png", "eval/frame.02.png",
-                           "eval/r_0.png", "r_0.png", "images/b.png", "a/b.png"}) {
+                           "eval/r_0.png", "r_0.png", "images/b.png", "a/b.png", "images/w.WebP", "images/e.exr"}) {
     touch(folder / name);
   }
   std::filesystem::create_directory(folder / "views");
@@ -46,11 +46,13 @@ TEST_CASE("photographs are found by the names of cameras, in the folders of the 
   CHECK(Photographs(folder / "views").size() > 0);
   std::filesystem::remove_all(folder / "views");
   const Photographs photographs(folder.path);
-  CHECK(photographs.size() == 11);
+  CHECK(photographs.size() == 13);
   const auto found = [&](const std::string& name, bool test) { return foundIn(folder, name, test); };
   CHECK(found("0001.jpg", false) == "images/0001.jpg");
   CHECK(found("images_4/0001.jpg", false) == "images_4/0001.jpg");
   CHECK(found("0001", false) == "images/0001.jpg");
+  CHECK(found("w.WebP", false) == "images/w.WebP");
+  CHECK(found("e", false) == "images/e.exr");
   CHECK(found("frame.02.PNG", false) == "images/frame.02.PNG");
   CHECK(found("b.png", false) == "images/b.png");
   CHECK(found("frame.02", false) == "images/frame.02.PNG");
