@@ -161,7 +161,10 @@ class Turn {
     const auto until = std::chrono::steady_clock::now() + kLongestTurn;
     for (;;) {
       file_.emplace(::open(meta.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
-      if (file_->get() < 0) return;
+      if (file_->get() < 0) {
+        absent_ = errno == ENOENT;
+        return;
+      }
       const bool held = ::flock(file_->get(), LOCK_EX | LOCK_NB) == 0;
       if (!held && errno != EWOULDBLOCK) return;
       if (held && isStillAt(meta)) return;  // else the one before has just replaced it
@@ -170,8 +173,8 @@ class Turn {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
   }
-  // Another one has held it all the time.
-  bool late() const { return late_; }
+  // Whether what it names may go: no other has held it all the time, and none has made it since.
+  bool mayRemove() const { return !late_ && !absent_; }
 
  private:
   bool isStillAt(const fs::path& meta) const {
@@ -181,7 +184,7 @@ class Turn {
   }
 
   std::optional<Descriptor> file_;
-  bool late_ = false;
+  bool late_ = false, absent_ = false;
 };
 
 // Whether a list of files in `parent`, but for the one of that name, has one in the folder N/.
@@ -366,7 +369,7 @@ class Writer {
       AtomicFiles files;
       files.add(path_, bytes);
       const Turn turn(path_);
-      const std::vector<fs::path> before = turn.late() ? std::vector<fs::path>() : filesBefore(path_);
+      const std::vector<fs::path> before = turn.mayRemove() ? filesBefore(path_) : std::vector<fs::path>();
       if (!folder.settle(number)) continue;
       files.commit();
       folder.keep();

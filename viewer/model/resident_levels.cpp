@@ -56,7 +56,9 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
     opened.scene = parseLodScene(bytes, path.string());
     opened.require_same = requireSame(
         path, std::move(bytes), stamp, sameEdition,
-        [server, stop] { return server->answered() ? server->stampNow(stop) : std::nullopt; },
+        [server, stop, told = !stamp.modified.empty() || !stamp.tag.empty()] {
+          return told && server->answered() ? server->stampNow(stop) : std::nullopt;
+        },
         [server, stop] { return server->read("", kMaxLodMetaBytes, stop); });
   } else {
     opened.reader = [files = lodFolderReader(path), stop](const std::string& relative, std::uint64_t most) {

@@ -91,6 +91,7 @@ class StampingServer {
       response.set_content(reinterpret_cast<const char*>(bytes.data()), bytes.size(), "application/octet-stream");
       stamp(request, response);
     });
+    server_.set_keep_alive_max_count(1);  // stop() would not end a connection that is kept
     port_ = server_.bind_to_any_port("127.0.0.1");
     serving_ = std::jthread([this] { server_.listen_after_bind(); });
     while (!server_.is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -98,7 +99,10 @@ class StampingServer {
   ~StampingServer() { stop(); }
   StampingServer& operator=(StampingServer&&) = delete;
 
-  void stop() { server_.stop(); }
+  void stop() {
+    server_.stop();
+    if (serving_.joinable()) serving_.join();
+  }
   int port() const { return port_; }
   std::string address() const { return "http://127.0.0.1:" + std::to_string(port_) + "/scene/lod-meta.json"; }
   std::atomic<int> opened{0};  // times that lod-meta.json was fetched
