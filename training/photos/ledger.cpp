@@ -31,6 +31,15 @@ std::string ascii(const std::string& text) {
   return plain;
 }
 
+bool holdsListAlone(const fs::path& folder) {
+  std::error_code error;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    if (entry->path().filename() != Ledger::kFile) return false;
+  }
+  return !error;
+}
+
 }  // namespace
 
 Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
@@ -70,8 +79,9 @@ Ledger::~Ledger() {
   const bool done = std::ranges::any_of(entries_, [](const auto& entry) { return entry.second.done; });
   if (made_ && !done) {
     std::error_code ignored;
-    for (const char* made : {kFile, "logs", "images.part", "masks.part"}) fs::remove_all(folder_ / made, ignored);
-    fs::remove(folder_, ignored);  // where nothing else is in it
+    for (const char* made : {"logs", "images.part", "masks.part"}) fs::remove_all(folder_ / made, ignored);
+    // The list last: without it whatever is left would count as other people's files.
+    if (holdsListAlone(folder_) && fs::remove(folder_ / kFile, ignored)) fs::remove(folder_, ignored);
   }
 }
 

@@ -71,6 +71,7 @@ TEST_CASE("a folder in which no stage is done goes again but not what else is in
     std::ofstream(folder / "work/notes.txt") << "mine";
   }
   CHECK(std::filesystem::exists(folder / "work/notes.txt"));
+  CHECK_NOTHROW(Ledger(folder / "work"));  // the same command once more
   std::filesystem::remove(folder / "work/notes.txt");
   use();  // it was there before
   CHECK(std::filesystem::exists(folder / "work/photos.json"));
