@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <glm/gtc/constants.hpp>
 #include <nlohmann/json.hpp>
 
@@ -15,6 +16,7 @@
 #include "core/file/json.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/numbers.h"
 
 namespace tg {
@@ -160,11 +162,19 @@ PathKey parseKey(const JsonNode& json) {
   return key;
 }
 
+bool beginsAsJson(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  char first = 0;
+  stream >> first;                         // but white space
+  return first == '{' || first == '\xef';  // or a byte order mark
+}
+
 // Any JSON may begin as a format does that is JSON, too: such a one is a model by its name.
 bool isModel(const std::filesystem::path& file) {
   try {
     const Format& format = detectFormat(file);
-    return !format.is_common || file.filename().string().ends_with(extensionOf(format));
+    if (!format.is_common || !beginsAsJson(file)) return true;
+    return lowerCase(file.filename().string()).ends_with(extensionOf(format));
   } catch (const Error& error) {
     if (error.kind != ErrorKind::badData) throw;
     return false;

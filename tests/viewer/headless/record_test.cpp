@@ -86,7 +86,9 @@ TEST_CASE("a path along the model's own cameras begins and ends with their pictu
   Written written;
   std::filesystem::create_directory(shop / "levels");
   writeModel(*findFormat("lod-meta.json"), shop / "levels/lod-meta.json", bundle, {}, written);
-  for (const std::string path : {"cameras.json", "model.tgz", "levels/lod-meta.json"}) {
+  writeModel(*findFormat("gltf"), shop / "S.GLTF", bundle, {}, written);
+  std::filesystem::copy_file(shop / "model.tgz", shop / "model.tar.gz");
+  for (const std::string path : {"cameras.json", "model.tgz", "model.tar.gz", "S.GLTF", "levels/lod-meta.json"}) {
     const ProcessResult result = tgview(shop, {"--path", path, "--fps", "4", "-o", "frames/##.png", "--size", "96x72"});
     INFO(path << result.err);
     REQUIRE(result.exit_code == 0);
