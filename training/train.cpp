@@ -297,7 +297,12 @@ void Training::keepWhatIsThere(Trainer& trainer, const Error& why) {
 void Training::sayWhatIsQuicker(const TrainProgress& progress) {
   constexpr int kJudged = 100;    // steps, before which an estimate says little
   constexpr double kLong = 3600;  // [s]
-  const bool preset = options_.preset != "quick" && options_.settings_file.empty();  // which names all settings
+  // Over the preset's; --config names all settings.
+  const bool has_iterations = std::ranges::any_of(options_.chosen, [](const auto& setting) {
+    const auto& [entry, value] = setting;
+    return !value.empty() && (entry->name == "iterations" || entry->name == "texture-iterations");
+  });
+  const bool preset = options_.preset != "quick" && options_.settings_file.empty() && !has_iterations;
   const bool downscale = options_.data.downscale == 1;
   if (said_quicker_ || !on_cpu_ || options_.run.resume || !(preset || downscale)) return;
   if (progress.iteration < kJudged || progress.seconds_left < kLong) return;
