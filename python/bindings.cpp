@@ -435,23 +435,22 @@ void bindCamera(py::module_& module) {
 
 Axes: x right, y down, z forward; pixel centres lie at +0.5, the image's left edge at x = 0. A point p of the world
 appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p + translation.)")
-      .def(
-          py::init([](const ArrayLike& rotation, const ArrayLike& translation, const ArrayLike& focal,
-                      const ArrayLike& center, int width, int height, const py::str& name, bool test) {
-            Camera camera;
-            fill(camera.rotation, rotation, {3, 3}, "rotation", "[3, 3]");
-            fill(camera.translation, translation, {3}, "translation", "[3]");
-            fill(camera.focal, focal, {2}, "focal", "[2]");
-            fill(camera.center, center, {2}, "center", "[2]");
-            camera.width = width;
-            camera.height = height;
-            camera.name = fileNameFrom(name);
-            camera.test = test;
-            return camera;
-          }),
-          "rotation"_a, "translation"_a, "focal"_a, "center"_a, "width"_a, "height"_a, "name"_a = "", "test"_a = false,
-          R"(rotation [3, 3], orthonormal, and translation [3] [world units]: camera from world; focal [2] and center [2]
-[px]; width and height [px]. What makes no camera is refused where it is used.)")
+      .def(py::init([](const ArrayLike& rotation, const ArrayLike& translation, const ArrayLike& focal,
+                       const ArrayLike& center, int width, int height, const py::str& name, bool test) {
+             Camera camera;
+             fill(camera.rotation, rotation, {3, 3}, "rotation", "[3, 3]");
+             fill(camera.translation, translation, {3}, "translation", "[3]");
+             fill(camera.focal, focal, {2}, "focal", "[2]");
+             fill(camera.center, center, {2}, "center", "[2]");
+             camera.width = width;
+             camera.height = height;
+             camera.name = fileNameFrom(name);
+             camera.test = test;
+             return camera;
+           }),
+           "rotation"_a, "translation"_a, "focal"_a, "center"_a, "width"_a, "height"_a, "name"_a = "", "test"_a = false,
+           R"(rotation [3, 3], orthonormal, and translation [3] [world units]: camera from world; focal [2] and center
+[2] [px]; width and height [px]. What makes no camera is refused where it is used.)")
       .def_property_readonly(
           "rotation", [](const Camera& camera) { return fixed(camera.rotation, {3, 3}); },
           "float64 [3, 3]: camera from world. A copy, as the other arrays.")

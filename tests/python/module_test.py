@@ -681,7 +681,8 @@ class Conversion(Folder):
         self.assertEqual(small.gaussians, 100)
         self.assertTrue(small.psnr is None)
         self.assertRegex(repr(small), r"<ConvertReport tgz \(\d+ bytes\) to ply \(\d+ bytes\), 100 Gaussians>")
-        self.refused("usage", "shrink: no such edit", tg.convert, SAMPLE, self.folder / "c.ply", edits=[("shrink", "2")])
+        self.refused("usage", "shrink: no such edit", tg.convert, SAMPLE, self.folder / "c.ply",
+                     edits=[("shrink", "2")])
         found = tg.convert(SAMPLE, self.folder / "small.sog", target_size=150000)
         self.assertLessEqual(found.output_bytes, 150000)
         self.assertGreater(found.steps, 1)
@@ -702,9 +703,10 @@ class Conversion(Folder):
         self.assertEqual(told, [("target", done, 9) for done in range(10)])
         signal.signal(signal.SIGALRM, signal.default_int_handler)
         self.addCleanup(signal.signal, signal.SIGALRM, signal.SIG_DFL)
+        self.addCleanup(signal.setitimer, signal.ITIMER_REAL, 0)
         with self.assertRaises(KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, 0.5)
-            tg.convert(SAMPLE, self.folder / "ended.glb", viewer="three")
+            tg.convert(SAMPLE, self.folder / "ended.glb", viewer="three",
+                       progress=lambda part, done, steps: done or signal.setitimer(signal.ITIMER_REAL, 0.01))
         self.assertFalse((self.folder / "ended.glb").exists())
         self.refused("usage", "--target-size does nothing here", tg.convert, SAMPLE, self.folder / "c.ply",
                      target_size=9)
