@@ -203,6 +203,7 @@ bool GpuRenderer::finishFrame() {
   if (pairs <= pairs_->capacity) return blendedAll(counters.longest_list);
   const std::uint32_t most = maxPairCapacity(device_->limits(), tuning_);
   if (pairs > most) {
+    program_.reset();  // a frame that was recorded behind this one counts for nothing
     throw TooManyPairs(ErrorKind::device, device_->limits().device,
                        "the view needs " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +
                            " pairs of tile and splat (expected at most " + std::to_string(most) + ")");

@@ -130,3 +130,37 @@ TEST_CASE("a frame that overflows says so before its buffers grow, and the next 
   CHECK(flights[0].picture(scene.camera).data == reference->picture().data);
   CHECK(device->validation_messages == std::vector<std::string>());
 }
+
+TEST_CASE("a frame of more pairs than a binding holds leaves nothing to the pictures after the one behind it",
+          "[limits]") {
+  const DevicePtr device = validatedDevice();
+  TestScene scene = makeScene(SceneKind::ordinary, 4, 300, 90, 70);
+  scene.model.atlas = {};
+  device->properties.limits.maxTexelBufferElements = 4000;
+  const auto renderer = makeVulkanRenderer(*device);
+  renderer->setModel(scene.model);
+  FrameRequest crowded = requestFrom(scene, 0);
+  crowded.settings.splat_scale = 8.0f;
+  const FrameRequest behind = requestFrom(scene, 0.1), next = requestFrom(scene, 0.2);
+  REQUIRE(renderer->draw(behind));
+  const FrameCounts of_behind = renderer->counts();
+  REQUIRE(renderer->draw(next));
+  const FrameCounts expected = renderer->counts();
+  const Image alone = renderer->picture();
+  REQUIRE(of_behind.pairs != expected.pairs);
+  REQUIRE(renderer->sharesProgram(crowded));
+  std::array<Flight, 2> flights = {Flight(*device, scene.camera), Flight(*device, scene.camera)};
+  flights[0].start(*renderer, crowded);
+  flights[1].start(*renderer, behind);
+  REQUIRE(flights[0].ended(UINT64_MAX));
+  REQUIRE_FALSE(renderer->frameFits());
+  REQUIRE(flights[1].ended(UINT64_MAX));
+  CHECK_THROWS_AS(renderer->finishFrame(), TooManyPairs);
+  CHECK_FALSE(renderer->sharesProgram(next));
+  flights[0].start(*renderer, next);
+  REQUIRE(flights[0].ended(UINT64_MAX));
+  REQUIRE(renderer->finishFrame());
+  CHECK(renderer->counts().pairs == expected.pairs);
+  CHECK(flights[0].picture(scene.camera).data == alone.data);
+  CHECK(device->validation_messages == std::vector<std::string>());
+}
