@@ -155,7 +155,7 @@ struct Outline {
 template <class S>
 HWY_INLINE Outline makeOutline(const S& s, float radius2) {
   const float leading = s.w_xx * s.w_xx - radius2 * s.d_xx * s.d_xx;
-  const bool bounded = leading > 1e-3f * s.w_xx * s.w_xx;
+  const bool bounded = leading > std::max(1e-3f * s.w_xx * s.w_xx, 1e-36f);  // float has an inverse of it
   return {s.w_xx, s.d_xx, radius2, leading, bounded ? 1.0f / leading : 0.0f, bounded};
 }
 

@@ -226,17 +226,18 @@ HWY_INLINE void rotationColumns(V w, V x, V y, V z, V3* columns) {
 }
 
 // Bounds [px] of one coordinate of an ellipsoid, tangentBounds() of shaders/shared/splat.h with c = its centre's ray.
-// lm, lz: the rows of its root for that coordinate and for z, over the centre's z. Lanes that touch the plane z = 0
-// leave `bounded`.
+// lm, lz: the rows of its root for that coordinate and for z, over the centre's z. Lanes that touch the plane z = 0,
+// or that are too wide for squares in float, leave `bounded`.
 struct Bounds {
   V low, high;
 };
 HWY_INLINE Bounds tangentBounds(V c, V3 lm, V3 lz, V center, double focal, M& bounded) {
   const V3 e = subtractScaled(lz, c, lm);
   const V denominator = hn::Sub(set(1.0f), dot(lz, lz));
-  bounded = hn::And(bounded, hn::Gt(denominator, set(1e-4f)));
+  const V ee = dot(e, e);
+  bounded = hn::And(bounded, hn::And(hn::Gt(denominator, set(1e-4f)), hn::Lt(ee, set(1e30f))));
   const V3 ez = cross(e, lz);
-  const V root = hn::Sqrt(hn::Max(hn::Sub(dot(e, e), dot(ez, ez)), hn::Zero(f)));
+  const V root = hn::Sqrt(hn::Max(hn::Sub(ee, dot(ez, ez)), hn::Zero(f)));
   const V middle = hn::Neg(dot(e, lz));
   const V scale = hn::Div(set(focal), denominator);
   return {hn::MulAdd(hn::Sub(middle, root), scale, center), hn::MulAdd(hn::Add(middle, root), scale, center)};

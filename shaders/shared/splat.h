@@ -56,7 +56,8 @@ TG_FN float visibleRadius(float opacity) {
 
 // Bounds of one normalised image coordinate (x/z or y/z) of an ellipsoid Sigma = L L^T around (m, z), seen from the
 // origin: the exact tangent cone (docs/math.md 4). lm, lz: the rows of L for that coordinate and for z.
-// Returns false when the ellipsoid touches the plane z = 0: every coordinate is then possible.
+// Returns false when the ellipsoid touches the plane z = 0, where every coordinate is possible, and when it is too wide
+// for squares in float.
 TG_FN bool tangentBounds(float m, float z, vec3 lm, vec3 lz, TG_OUT(vec2) bounds) {
   float c = m / z;
   float inv_z = 1.0f / z;  // all in units of z: of products of four lengths float holds few
@@ -64,9 +65,10 @@ TG_FN bool tangentBounds(float m, float z, vec3 lm, vec3 lz, TG_OUT(vec2) bounds
   vec3 e = inv_z * lm - c * slope;
   float denominator = 1.0f - dot(slope, slope);
   bounds = vec2(c, c);
-  if (z <= 0.0f || denominator <= 1e-6f) return false;
+  float ee = dot(e, e);
+  if (z <= 0.0f || denominator <= 1e-6f || !(ee < 1e30f)) return false;
   vec3 ez = cross(e, slope);
-  float disc = dot(e, e) - dot(ez, ez);
+  float disc = ee - dot(ez, ez);
   float root = sqrt(max(disc, 0.0f));
   float mid = -dot(e, slope);
   bounds = vec2(c + (mid - root) / denominator, c + (mid + root) / denominator);

@@ -3,6 +3,7 @@
 // blended ones.
 #include <hwy/targets.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -230,6 +231,24 @@ TEST_CASE("an axis longer than any number is drawn as the longest one in every o
           REQUIRE(glm::length(glm::dvec3(picture.color(i)) - reference.color(i)) < 1e-4);
         }
       }
+    }
+  }
+}
+
+TEST_CASE("a Gaussian whose box leaves float's range before a lowered near plane is everywhere") {
+  const TestScene scene = vastScene();
+  for (const auto intersection : kModels) {
+    INFO(name(intersection));
+    RenderSettings settings = everything(intersection), alone = pictureAlone(intersection);
+    settings.near = alone.near = 0.005f;
+    alone.background = settings.background;
+    const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, settings);
+    CHECK(*std::ranges::min_element(reference.alpha) > 0.9);
+    const Frame frame = renderCpu(scene.model, scene.camera, settings);
+    const Frame picture = renderCpu(scene.model, scene.camera, alone);
+    for (std::size_t i = 0; i < frame.base.size(); ++i) {
+      CHECK(glm::length(glm::dvec3(frame.color(i)) - reference.color(i)) < 1e-4);
+      CHECK(glm::length(glm::dvec3(picture.color(i)) - reference.color(i)) < 1e-4);
     }
   }
 }

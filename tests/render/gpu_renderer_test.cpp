@@ -201,6 +201,15 @@ TEST_CASE("Gaussians whose square no float holds are everywhere") {
   checkAgainstReference(scene, settings, allowed(SceneKind::ordinary, IntersectionModel::maxResponse));
 }
 
+TEST_CASE("a Gaussian whose box leaves float's range before a lowered near plane is everywhere") {
+  RenderSettings settings;
+  settings.near = 0.005f;
+  settings.intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  const TestScene scene = vastScene();
+  for (const float alpha : renderScene(scene, settings).alpha) CHECK(alpha > 0.9f);
+  checkAgainstReference(scene, settings, allowed(SceneKind::ordinary, IntersectionModel::maxResponse));
+}
+
 TEST_CASE("a scene in units of any size agrees with the reference") {
   const float unit = GENERATE(0x1p31f, 0x1p34f, 0x1p56f);
   RenderSettings settings;

@@ -301,6 +301,19 @@ TEST_CASE("a screen box is the same in every unit of length and has an end until
   }
 }
 
+TEST_CASE("a screen box whose half width has no square in float has no end") {
+  const auto bounded = [](float longest, vec4& box) {
+    // b leaves the image plane by a tenth of the mean's depth.
+    const mat3 axes(vec3(1, 0, 0), vec3(0, 1, 1e-3f / 2e9f), vec3(0, 0, 1));
+    return splatBox(vec3(0.001f, 0.0005f, 0.01f), axes, vec3(longest, 2e9f, 2e9f), 1.0f, true, vec4(16, 16, 8, 8), box);
+  };
+  vec4 box;
+  REQUIRE(bounded(1e9f, box));
+  CHECK(box.x < -1e12f);
+  CHECK(box.z > 1e12f);
+  CHECK_FALSE(bounded(3.33e18f, box));
+}
+
 TEST_CASE("a quaternion of any length turns as that of length one does bit for bit") {
   const vec4 quaternion = vec4(0.9f, 0.2f, -0.3f, 0.1f);
   for (const float length : {0x1p-72f, 0x1p-66f, 0x1p-34f, 0x1p-32f, 0x1p62f}) {

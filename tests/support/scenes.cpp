@@ -327,6 +327,19 @@ TestScene thinDiscScene(float thinness, bool turned) {
   return scene;
 }
 
+TestScene vastScene() {
+  TestScene scene;
+  scene.model.mean = {{0.001f, 0.0005f, 0.01f}};
+  scene.model.rotation = {{1.0f, 5e-14f, 0.0f, 0.0f}};
+  scene.model.log_scale = {glm::vec3(std::log(1e18f), std::log(2.1e9f), 0.0f)};
+  scene.model.opacity_logit = {3.0f};
+  scene.model.sh = {{1.0f, 0.0f, -1.0f}};
+  scene.camera.size = {16, 16};
+  scene.camera.focal = {16, 16};
+  scene.camera.center = {8, 8};
+  return scene;
+}
+
 TestScene scaledScene(TestScene scene, float unit) {
   for (glm::vec3& mean : scene.model.mean) mean *= unit;
   for (glm::vec3& log_scale : scene.model.log_scale) log_scale += std::log(unit);

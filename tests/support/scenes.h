@@ -55,6 +55,9 @@ Tolerance raysInPlaneTolerance();  // the next columns see it from 2e-3 rad, whe
 
 // A disc, `thinness` times as thick as wide, that faces the camera or is turned away a little. 32 x 32 pixels.
 TestScene thinDiscScene(float thinness, bool turned);
+// A Gaussian of the longest axis that is drawn, 0.01 units before a camera, which is for near planes that are nearer.
+// Its plane is turned by 1e-13 rad. 16 x 16 pixels.
+TestScene vastScene();
 // The same scene where a unit of length is so many; near planes stay.
 TestScene scaledScene(TestScene scene, float unit);
 

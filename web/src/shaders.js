@@ -194,9 +194,10 @@ TG_FN bool tangentBounds(float m, float z, vec3 lm, vec3 lz, TG_OUT(vec2) bounds
   vec3 e = inv_z * lm - c * slope;
   float denominator = 1.0f - dot(slope, slope);
   bounds = vec2(c, c);
-  if (z <= 0.0f || denominator <= 1e-6f) return false;
+  float ee = dot(e, e);
+  if (z <= 0.0f || denominator <= 1e-6f || !(ee < 1e30f)) return false;
   vec3 ez = cross(e, slope);
-  float disc = dot(e, e) - dot(ez, ez);
+  float disc = ee - dot(ez, ez);
   float root = sqrt(max(disc, 0.0f));
   float mid = -dot(e, slope);
   bounds = vec2(c + (mid - root) / denominator, c + (mid + root) / denominator);
