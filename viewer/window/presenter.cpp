@@ -14,7 +14,7 @@ namespace tg {
 namespace {
 
 constexpr std::uint64_t kDeviceTimeout = 300'000'000'000;  // [ns] software devices compile shaders in the first frame
-constexpr std::uint64_t kImageTimeout = 250'000'000;       // [ns] a hidden window gets none before it is seen again
+constexpr std::uint64_t kImageTimeout = 250'000'000;       // [ns] a hidden window may get none before it is seen again
 
 // The picture holds display-referred numbers: an _SRGB format would encode them twice.
 VkSurfaceFormatKHR chooseFormat(VkPhysicalDevice physical, VkSurfaceKHR surface) {
@@ -343,6 +343,7 @@ void Presenter::present() {
   VkResult result = VK_SUCCESS;
   {
     const std::lock_guard lock(device_.mutexOf(device_.window_queue));
+    // Has no time-out: some drivers wait here for a hidden window to be seen.
     result = vkQueuePresentKHR(device_.window_queue, &info);
   }
   if (result == VK_ERROR_OUT_OF_DATE_KHR || result == VK_SUBOPTIMAL_KHR) {
