@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -151,7 +152,7 @@ class Viewer {
   bool shown_any_ = false;               // a model
   std::string title_;                    // of the window
   int trial_ = 0;                        // frames before which the device may not fail again
-  double shown_ = 0;                     // [s] window time at which the window system took an image, or wanted none
+  std::optional<double> refused_since_;  // [s] window time from which on the window system has taken no image
   std::size_t validation_messages_ = 0;  // of a device that has failed
   InspectorThread inspector_;
   DesktopControl desktop_;
@@ -227,7 +228,8 @@ int Viewer::run() {
       waitToBeShown(pixels);
       continue;
     }
-    state_.time = shown_ = glfwGetTime();
+    refused_since_.reset();
+    state_.time = glfwGetTime();
     graphics_->gui.beginFrame(events_);
     state_.ui.scale = graphics_->gui.scale();
     if (heardInput(events_) || graphics_->gui.inputQueued()) frames_since_event_ = 0;
@@ -279,11 +281,12 @@ void Viewer::waitToBeShown(glm::ivec2 pixels) {
   glfwWaitEventsTimeout(0.1);
   if (state_.quit) (void)desktop_.update(state_, graphics_->window(), pictureSize());
   if (pixels.x <= 0 || pixels.y <= 0) {  // until an event
-    shown_ = glfwGetTime();
+    refused_since_.reset();
     return;
   }
   frames_since_event_ = 0;  // no event tells when the window system takes images again
-  if (!script_ || glfwGetTime() - shown_ < additions_.patience) return;
+  if (!refused_since_) refused_since_ = glfwGetTime();
+  if (!script_ || glfwGetTime() - *refused_since_ < additions_.patience) return;
   failAtLast(*script_, {ErrorKind::device, "the window system takes no image (is the window hidden?)"});
 }
 
@@ -299,6 +302,7 @@ bool Viewer::onDevice(const std::function<void()>& draw) {
     state_.messages.error = std::string("The device failed, the CPU renders from here on: ") + error.what();
     if (script_) script_->error = state_.messages.error;  // its pictures stay what they are
   }
+  refused_since_.reset();
   validation_messages_ += graphics_->screen().messages();
   const PixelRect place = desktop_.leaveWindow(graphics_->window());
   runs_.forget();  // asked for again, of the new device

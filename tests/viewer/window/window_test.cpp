@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The real window, under a virtual X server: what is on screen is what --render writes.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -342,6 +343,27 @@ TEST_CASE("a script whose window gets no image for too long ends and says so", "
                   TG_TGVIEW_UNDER_TEST);
   CHECK(result.exit_code == 5);
   CHECK_THAT(result.err, Contains("the window system takes no image"));
+}
+
+TEST_CASE("a script's patience with a window system begins when it takes no image and not with the frame before",
+          "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  std::thread opener([&shop] {
+    for (int i = 0; i < 6000 && !std::filesystem::exists(shop / "go.held"); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(3200));
+    shop.write("go", "");
+  });
+  shop.write("script.txt", "wait 2\nwithhold-images 3\nhold-frame go\nwait 1\n");
+  const ProcessResult result =
+      shop.tgview({"model.tgz", "--script", "script.txt", "--size", "96x64", "--backend", backendOr("vulkan")},
+                  kXServer, TG_TGVIEW_UNDER_TEST);
+  opener.join();
+  INFO(result.err);
+  CHECK(result.exit_code == 0);
 }
 
 TEST_CASE("a window's device may fail again once it has shown its frames but not at once", "[window]") {
