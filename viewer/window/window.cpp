@@ -286,8 +286,10 @@ void Viewer::waitToBeShown(glm::ivec2 pixels) {
   }
   frames_since_event_ = 0;  // no event tells when the window system takes images again
   if (!refused_since_) refused_since_ = glfwGetTime();
-  if (!script_ || glfwGetTime() - *refused_since_ < additions_.patience) return;
-  failAtLast(*script_, {ErrorKind::device, "the window system takes no image (is the window hidden?)"});
+  if ((!script_ && !options_.benchmark) || glfwGetTime() - *refused_since_ < additions_.patience) return;
+  const Error refused(ErrorKind::device, "the window system takes no image (is the window hidden?)");
+  if (script_) failAtLast(*script_, refused);
+  throw refused;
 }
 
 // Runs what talks to the device outside of the picture thread. When that fails everything on the device is made anew,

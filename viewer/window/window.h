@@ -17,7 +17,7 @@ struct WindowAdditions {
   std::span<const Verb> verbs;  // of scripts, beside the viewer's own
   ModelReader read;             // of the models that are opened; empty: readModel
   LodReaderWrap wrap_levels;    // around the files of streamed scenes; empty: as they are
-  double patience = 60;         // [s] of a script with a window system that takes no image
+  double patience = 60;         // [s] of a script or benchmark with a window system that takes no image
 };
 
 // Opens the model and a window, and returns when it is closed. Throws Error of every kind; without a display

@@ -9,7 +9,8 @@
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
 //   hold-finest on/off    files of the finest level of a scene wait while it is on, at most 60 s
 //   await-scene           until a scene with levels of detail is shown
-// With TG_NO_COPIES in the environment its window is one that Vulkan may not copy into.
+// With TG_NO_COPIES in the environment its window is one that Vulkan may not copy into, with TG_NO_IMAGES one that the
+// window system has no image for.
 #include <GLFW/glfw3.h>
 
 #ifdef TG_VULKAN
@@ -203,6 +204,7 @@ VkResult __wrap_vkAcquireNextImageKHR(VkDevice device, VkSwapchainKHR swapchain,
                                       VkSemaphore semaphore, VkFence fence, std::uint32_t* index) {
   constexpr int kWaitsLong = 72;  // exit code: nobody is to wait long for an image
   if (nanoseconds > 1'000'000'000) std::_Exit(kWaitsLong);
+  if (std::getenv("TG_NO_IMAGES")) return VK_TIMEOUT;
   if (withheld == 0) return __real_vkAcquireNextImageKHR(device, swapchain, nanoseconds, semaphore, fence, index);
   --withheld;
   return withheld % 2 == 0 ? VK_TIMEOUT : VK_NOT_READY;

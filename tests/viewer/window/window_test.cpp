@@ -366,6 +366,21 @@ TEST_CASE("a script's patience with a window system begins when it takes no imag
   CHECK(result.exit_code == 0);
 }
 
+TEST_CASE("a benchmark whose window gets no image for too long ends and says so", "[window]") {
+  TG_SKIP_IF(noWindow());
+  TG_SKIP_IF(backendOr("vulkan") != "vulkan" ? "images are Vulkan's" : "");
+  std::vector<std::string> prefix = {"TG_NO_IMAGES=1", "timeout", "60"};
+  prefix.insert(prefix.end(), kXServer.begin(), kXServer.end());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("path.json", formatCameras({test::trainedLikeCamera(96, 72), test::trainedLikeCamera(96, 72)}));
+  const ProcessResult result = shop.tgview(
+      {"model.tgz", "--benchmark", "path.json", "--window", "--fps", "4", "--size", "96x64", "--backend", "vulkan"},
+      prefix, TG_TGVIEW_UNDER_TEST);
+  CHECK(result.exit_code == 5);
+  CHECK_THAT(result.err, Contains("the window system takes no image"));
+}
+
 TEST_CASE("a window's device may fail again once it has shown its frames but not at once", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
