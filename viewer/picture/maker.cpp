@@ -45,9 +45,20 @@ struct PictureMaker::Loaded {
   std::shared_ptr<const GaussianModel> model;
   std::unique_ptr<Renderer> renderer;
   GpuRenderer* gpu = nullptr;  // the same, where it is one
+  glm::ivec2 size{0};          // [px] of the pictures that `rows` is of
+  int rows = 0;                // at once, with which the next one begins
+  bool refused = false;        // more of them have been, of the one at hand
 
   // The CPU renderer draws from the model itself, a device has a copy.
   bool isOnlyHere() const { return model.use_count() == (gpu ? 1 : 2); }
+
+  bool inParts(glm::ivec2 picture) const { return picture == size && rows < size.y; }
+  // So many rows at once have too many pairs: what comes next is half of them.
+  void refuse(glm::ivec2 picture, int tried) {
+    size = picture;
+    rows = halfOfRows(tried);
+    refused = true;
+  }
 };
 
 PictureMaker::PictureMaker(PictureDevice& device, std::string backend)
@@ -110,7 +121,7 @@ bool PictureMaker::begin(const PictureRequest& request) {
   if (beside) {
     Loaded& model = loaded(request.model);
     const std::shared_ptr<PictureImage> image = freeImage(request.camera.size);
-    if (device_.begin(*model.gpu, frameOf(request), image)) {
+    if (!model.inParts(image->size) && device_.begin(*model.gpu, frameOf(request), image)) {
       begun.model = &model;
       begun.target = image;
       begun.picture.image = image;
@@ -161,6 +172,10 @@ std::optional<bool> PictureMaker::finishOldest(double milliseconds_at_most) {
   try {
     return device_.finish(milliseconds_at_most);
   } catch (const TooManyPairs&) {
+    const Begun& oldest = begun_.front();
+    const glm::ivec2 size = oldest.target->size;
+    if (size.y <= static_cast<int>(kTileSize)) throw;
+    oldest.model->refuse(size, size.y);
     return false;
   }
 }
@@ -275,14 +290,26 @@ std::optional<ValueScale> PictureMaker::drawModel(Loaded& loaded, const PictureR
   return kNumberOutputs.has(request.output) ? std::optional(scale) : std::nullopt;
 }
 
-// Returns the range of the whole picture's numbers. Its colours span those of `beside`, too.
+// Returns the range of the whole picture's numbers. Its colours span those of `beside`, too. Begins with as many rows
+// as fitted last, or with twice as many where that was the first try.
 OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& request, PictureImage& target,
                                        const OutputRange& beside) {
-  for (int rows = std::min(loaded.gpu->rowsAtOnce(request.camera), request.camera.size.y);; rows = halfOfRows(rows)) {
+  const glm::ivec2 size = request.camera.size;
+  const int most = std::min(loaded.gpu->rowsAtOnce(request.camera), size.y);
+  if (loaded.size != size) {
+    loaded.size = size;
+    loaded.rows = most;
+    loaded.refused = false;
+  }
+  for (;;) {
+    const int rows = std::min(loaded.rows, most);
     try {
-      return drawParts(loaded, request, target, beside, rows);
+      const OutputRange range = drawParts(loaded, request, target, beside, rows);
+      loaded.rows = std::exchange(loaded.refused, false) ? rows : std::min(2 * rows, most);
+      return range;
     } catch (const TooManyPairs&) {
       if (rows <= static_cast<int>(kTileSize)) throw;
+      loaded.refuse(size, rows);
     }
   }
 }

@@ -4,6 +4,7 @@
 //   lose-window-device    the window's next frame does
 //   withhold-images COUNT the window system has no image for the window's next so many frames, where it is Vulkan's
 //   crowd ROWS            pictures on a device of more rows have more pairs than it binds
+//   refused-at-most COUNT fails where that was so of more pictures and parts of pictures so far
 //   hold-picture FILE     the next picture waits until there is such a file, at most 60 s
 //   hold-frame FILE       the next frame of the window waits likewise, after its events; it makes FILE.held before
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
@@ -26,6 +27,7 @@
 #include <fstream>
 #include <limits>
 #include <memory>
+#include <string>
 #include <thread>
 #include <utility>
 
@@ -48,6 +50,7 @@ constexpr int kWithoutGlfw = 71;  // exit code: a file was being read when GLFW 
 std::atomic<bool> lose_device{false}, lose_window{false};
 std::atomic<int> withheld{0};  // images
 std::atomic<int> crowd{std::numeric_limits<int>::max()};
+std::atomic<int> refused{0};
 std::atomic<bool> hold_picture{false};
 std::filesystem::path held_until;  // written before hold_picture
 std::filesystem::path hold_frame;  // of the window's thread; empty: none
@@ -59,6 +62,12 @@ constexpr std::array kVerbs = {
     Verb{"lose-window-device", 0, 1, [](const Call&) { lose_window = true; }},
     Verb{"withhold-images", 1, 0, [](const Call& c) { withheld = static_cast<int>(c.number(0, 1, 1e6)); }},
     Verb{"crowd", 1, 1, [](const Call& c) { crowd = static_cast<int>(c.number(0, 1, 1e6)); }},
+    Verb{"refused-at-most", 1, 0,
+         [](const Call& c) {
+           if (refused > c.number(0, 0, 1e6)) {
+             throw Error(ErrorKind::badData, std::to_string(refused) + " pictures were refused");
+           }
+         }},
     Verb{"hold-picture", 1, 0,
          [](const Call& c) {
            held_until = c[0];
@@ -105,7 +114,9 @@ LodReader heldFiles(LodReader files) {
 }
 
 void refuseCrowd(int rows) {
-  if (rows > crowd) throw TooManyPairs(ErrorKind::device, "more pairs than a script allows");
+  if (rows <= crowd) return;
+  ++refused;
+  throw TooManyPairs(ErrorKind::device, "more pairs than a script allows");
 }
 
 // What the CPU draws is only uploaded, and is not lost with the device.

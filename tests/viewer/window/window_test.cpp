@@ -409,6 +409,19 @@ TEST_CASE("a view of more pairs than the device binds is drawn in parts without 
   CHECK(psnr(shop.read("depth.png"), shop.read("whole.png")) > 45);
 }
 
+TEST_CASE("a picture after one that was drawn in parts begins with parts", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  // 180 rows at once do not fit, nor do 90.
+  play(shop,
+       "panel off\nwait 2\ncrowd 50\noutput depth\nwait 1\nrefused-at-most 2\noutput final\nwait 1\nrefused-at-most 2\n"
+       "output depth\nwait 1\nrefused-at-most 3\n"
+       "output final\nwait 1\nsave-camera c.json\nwindow parts.png\nrefused-at-most 3\n",
+       "240x180", backendOr("vulkan"), {}, TG_TGVIEW_UNDER_TEST);
+  CHECK(psnr(shop.read("parts.png"), render(shop, {"--camera", "c.json"})) > 45);
+}
+
 TEST_CASE("the picture's resolution follows the state, the window's does not", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
