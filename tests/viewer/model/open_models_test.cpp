@@ -97,6 +97,14 @@ ViewOptions optionsFor(const std::filesystem::path& path) {
   return options;
 }
 
+// Files of that name, "": all, are read once `go_on` is true.
+auto readingLate(const std::atomic<bool>& go_on, const std::string& late = "") {
+  return [&go_on, late](const std::filesystem::path& path, const ReadOptions& read) {
+    if (late.empty() || path.filename() == late) go_on.wait(false);
+    return readModel(path, read);
+  };
+}
+
 }  // namespace
 
 TEST_CASE("several models open in their order, the last one is shown, and keys go round them") {
@@ -212,10 +220,7 @@ TEST_CASE("edits that are made while the file is read again are asked for, and t
   const TemporaryFolder folder;
   writeModel(folder / "a.tgz", 9, {});
   std::atomic<bool> go_on{true};
-  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
-    go_on.wait(false);
-    return readModel(path, read);
-  });
+  Window window(optionsFor(folder / "a.tgz"), readingLate(go_on));
   window.settle();
   ViewerState& state = window.state;
   const auto edit = [&] { transformChosen(state, similarityOf(state, {1, 0, 0}, glm::dvec3(0.0), 1)); };
@@ -575,10 +580,7 @@ TEST_CASE("a model that is closed while it waits behind another file to be read 
   writeModel(folder / "a.tgz", 3, {});
   writeModel(folder / "b.tgz", 4, {});
   std::atomic<bool> go_on{false};
-  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
-    if (path.filename() == "b.tgz") go_on.wait(false);
-    return readModel(path, read);
-  });
+  Window window(optionsFor(folder / "a.tgz"), readingLate(go_on, "b.tgz"));
   window.settle();
   ViewerState& state = window.state;
   writeModel(folder / "a.tgz", 7, {});
@@ -603,10 +605,7 @@ TEST_CASE("a model that is closed while it waits by another name stays closed") 
   writeModel(folder / "a.tgz", 3, {});
   writeModel(folder / "b.tgz", 4, {});
   std::atomic<bool> go_on{false};
-  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
-    if (path.filename() == "b.tgz") go_on.wait(false);
-    return readModel(path, read);
-  });
+  Window window(optionsFor(folder / "a.tgz"), readingLate(go_on, "b.tgz"));
   ViewerState& state = window.state;
   state.documents.open_requests = {folder / "b.tgz", folder / "./a.tgz"};
   window.open_models.update(state);
@@ -793,10 +792,7 @@ TEST_CASE("Esc stops loading before it ends the viewer, and what was there stays
   writeModel(folder / "a.tgz", 3, {});
   writeModel(folder / "b.tgz", 4, {});
   std::atomic<bool> go_on{true};
-  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
-    go_on.wait(false);
-    return readModel(path, read);
-  });
+  Window window(optionsFor(folder / "a.tgz"), readingLate(go_on));
   window.settle();
   ViewerState& state = window.state;
   state.loading.active = true;
@@ -823,10 +819,7 @@ TEST_CASE("after Esc a file that cannot be read is a message, though nothing has
   writeModel(folder / "a.tgz", 3, {});
   std::ofstream(folder / "broken.tgz") << "nothing";
   std::atomic<bool> go_on{false};
-  Window window(optionsFor(folder / "a.tgz"), [&](const std::filesystem::path& path, const ReadOptions& read) {
-    go_on.wait(false);
-    return readModel(path, read);
-  });
+  Window window(optionsFor(folder / "a.tgz"), readingLate(go_on));
   window.state.loading.cancel = true;
   window.open_models.update(window.state);
   go_on = true;

@@ -158,6 +158,14 @@ std::map<ImGuiID, ImVec2> widgets(ViewerState state) {
   return places;
 }
 
+// What the pointer is over in a frame that is recorded as the window's are.
+ImGuiID recordedFrame(const Interface& interface, ViewerState& state, ImVec2 at, bool pressed) {
+  const ImGuiID over = interface.hovered(state, at, pressed);
+  if (sliderIsPutBack()) forgetLastStep(state);
+  recordChanges(state, pressed || ImGui::IsAnyItemActive(), false);
+  return over;
+}
+
 }  // namespace
 
 #if defined(TG_ASSERTS) || !defined(NDEBUG)
@@ -959,12 +967,7 @@ TEST_CASE("a drag of a slider is one step, and so is a double click with what is
   state.ui.tab = Tab::camera;
   state.camera.speed = 1.25;
   const Interface interface;
-  const auto frame = [&](ImVec2 at, bool pressed) {
-    const ImGuiID over = interface.hovered(state, at, pressed);
-    if (sliderIsPutBack()) forgetLastStep(state);
-    recordChanges(state, pressed || ImGui::IsAnyItemActive(), false);
-    return over;
-  };
+  const auto frame = [&](ImVec2 at, bool pressed) { return recordedFrame(interface, state, at, pressed); };
   for (int i = 0; i < 3; ++i) frame({-1, -1}, false);
   const ImGuiWindow& page = pageWindow();
   const ImGuiID id = ImHashStr("##speed", 0, ImHashStr("page", 0, page.ID));
@@ -996,12 +999,7 @@ TEST_CASE("a double click on a slider that has no steps leaves the last one alon
   setTool(state, EditTool::brush);
   state.ui.tab = Tab::edit;
   const Interface interface;
-  const auto frame = [&](ImVec2 at, bool pressed) {
-    const ImGuiID over = interface.hovered(state, at, pressed);
-    if (sliderIsPutBack()) forgetLastStep(state);
-    recordChanges(state, pressed || ImGui::IsAnyItemActive(), false);
-    return over;
-  };
+  const auto frame = [&](ImVec2 at, bool pressed) { return recordedFrame(interface, state, at, pressed); };
   for (int i = 0; i < 3; ++i) frame({-1, -1}, false);
   const bool edits = GENERATE(true, false);
   CAPTURE(edits);
