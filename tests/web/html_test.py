@@ -58,11 +58,14 @@ CAMERA = {"id": 0, "img_name": "a", "width": 320, "height": 120, "fx": 200, "fy"
 
 
 def write_thin(folder):
-    """PLYs of discs, of needles, and of one Gaussian as wide as everything, and the camera that sees them."""
+    """PLYs of discs, of needles, of one Gaussian as wide as everything, and of walls that face the camera; and the
+    camera that sees them."""
     turn = (math.cos(0.25), 0.6 * math.sin(0.25), 0.8 * math.sin(0.25), 0)
     row = lambda scale: [(3 * i - 4.5, 0, 0, 1, 0.2 * i, -1, 3, *scale(s), *turn) for i, s in enumerate(THIN)]
     scenes = {"discs": row(lambda s: (math.log(0.8), math.log(0.6), s)), "needles": row(lambda s: (s, -0.2, s)),
-              "wide": [(0, 0, 0, 1, 0, -1, 0, 45, -1, -2, *turn)]}
+              "wide": [(0, 0, 0, 1, 0, -1, 0, 45, -1, -2, *turn)],
+              # 5e5, 6e8, 7e11 and 2e19 px to the side: from small to beyond what the squares of a turned quad hold.
+              "walls": [(0, 0, i, 1 - i, 0, i - 1, 0, s, s - 2, -5, 1, 0, 0, 0) for i, s in enumerate((9, 16, 23, 40))]}
     for name, splats in scenes.items():
         head = "".join(f"property float {p}\n" for p in PLY)
         head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(splats)}\n{head}end_header\n"
@@ -240,7 +243,7 @@ def main():
                 packed = base64.b64encode(gzip.compress(zero)).decode()
                 (folder / "zero.html").write_text(re.sub('(class="model">)[^<]*', lambda found: found[1] + packed,
                                                          (folder / "discs.html").read_text(), count=1))
-        for file in ("discs.ply", "needles.ply", "wide.ply", "zero.glb"):
+        for file in ("discs.ply", "needles.ply", "wide.ply", "walls.ply", "zero.glb"):
             browser.open(f"{(folder / file).with_suffix('.html').as_uri()}?size=320x120&panel=off")
             for intersection in ("plane", "maxResponse"):
                 run(programs / "tgview", folder / file, "--render", folder / "thin.png", "--backend", "cpu", "--camera",

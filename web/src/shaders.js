@@ -451,7 +451,7 @@ bool turnedBox(vec3 mean_c, mat3 axes, vec3 r, vec4 box, out mat2 half_axes) {
   float difference = 0.5 * (h.x * h.x - h.y * h.y);
   float spread = sqrt(difference * difference + xy * xy);
   float middle = 0.5 * dot(h, h);
-  if (spread < 0.1 * middle) return false;
+  if (!(middle < 1e12) || spread < 0.1 * middle) return false;
   vec2 e = normalize(difference > 0.0 ? vec2(difference + spread, xy) : vec2(xy, spread - difference));
   float longer = sqrt(middle + spread);
   float shorter = sqrt(max(middle - spread, 0.0)) + 1.0 + 1e-3 * longer;
