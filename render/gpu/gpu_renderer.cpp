@@ -205,7 +205,8 @@ bool GpuRenderer::finishFrame() {
   if (pairs > most) {
     program_.reset();  // a frame that was recorded behind this one counts for nothing
     throw TooManyPairs(ErrorKind::device, device_->limits().device,
-                       "the view needs " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +
+                       std::to_string(image_->width) + " x " + std::to_string(image_->height) +
+                           " pixels of the view need " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +
                            " pairs of tile and splat (expected at most " + std::to_string(most) + ")");
   }
   makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{pairs} + pairs / 4, most)));

@@ -579,7 +579,11 @@ TEST_CASE("what exceeds every binding is an error that names numbers", "[limits]
   CHECK_NOTHROW(renderer.render(wide.camera, {}));
   wide.camera.size = {17 * 16, 1};
   CHECK_THROWS_WITH(renderer.render(wide.camera, {}),
-                    Contains("needs 17000 pairs of tile and splat (expected at most 4096)"));
+                    Contains("272 x 1 pixels of the view need 17000 pairs of tile and splat (expected at most 4096)"));
+  const BindingLimit more_pixels(64 << 10, 4000);
+  wide.camera.size = {80, 40};  // three rows of tiles, and two, have even more
+  CHECK_THROWS_WITH(renderer.render(wide.camera, {}),
+                    Contains("80 x 16 pixels of the view need 5000 pairs of tile and splat (expected at most 4000)"));
   CHECK(validationMessages() == "");
 }
 
