@@ -4,7 +4,8 @@
 //   lose-window-device    the window's next frame does
 //   withhold-images COUNT the window system has no image for the window's next so many frames, where it is Vulkan's
 //   crowd ROWS            pictures on a device of more rows have more pairs than it binds
-//   refused-at-most COUNT fails where that was so of more pictures and parts of pictures so far
+//   crowd-of-two ROWS     likewise from when two views are under way at once, for which one waits, at most 60 s
+//   refused COUNT         fails where that was so of another number of pictures and parts of pictures so far
 //   hold-picture FILE     the next picture waits until there is such a file, at most 60 s
 //   hold-frame FILE       the next frame of the window waits likewise, after its events; it makes FILE.held before
 //   slow-file SECONDS     the next model is read so much later, unless it is cancelled
@@ -27,6 +28,7 @@
 #include <fstream>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -50,6 +52,8 @@ constexpr int kWithoutGlfw = 71;  // exit code: a file was being read when GLFW 
 std::atomic<bool> lose_device{false}, lose_window{false};
 std::atomic<int> withheld{0};  // images
 std::atomic<int> crowd{std::numeric_limits<int>::max()};
+std::atomic<int> crowd_of_two{0};  // 0: none is waited for
+std::atomic<Clock::time_point> two_until;
 std::atomic<int> refused{0};
 std::atomic<bool> hold_picture{false};
 std::filesystem::path held_until;  // written before hold_picture
@@ -62,9 +66,14 @@ constexpr std::array kVerbs = {
     Verb{"lose-window-device", 0, 1, [](const Call&) { lose_window = true; }},
     Verb{"withhold-images", 1, 0, [](const Call& c) { withheld = static_cast<int>(c.number(0, 1, 1e6)); }},
     Verb{"crowd", 1, 1, [](const Call& c) { crowd = static_cast<int>(c.number(0, 1, 1e6)); }},
-    Verb{"refused-at-most", 1, 0,
+    Verb{"crowd-of-two", 1, 0,
          [](const Call& c) {
-           if (refused > c.number(0, 0, 1e6)) {
+           two_until = Clock::now() + std::chrono::seconds(60);
+           crowd_of_two = static_cast<int>(c.number(0, 1, 1e6));
+         }},
+    Verb{"refused", 1, 0,
+         [](const Call& c) {
+           if (refused != c.number(0, 0, 1e6)) {
              throw Error(ErrorKind::badData, std::to_string(refused) + " pictures were refused");
            }
          }},
@@ -113,8 +122,7 @@ LodReader heldFiles(LodReader files) {
   };
 }
 
-void refuseCrowd(int rows) {
-  if (rows <= crowd) return;
+[[noreturn]] void refuse() {
   ++refused;
   throw TooManyPairs(ErrorKind::device, "more pairs than a script allows");
 }
@@ -129,27 +137,42 @@ class FaultyDevice final : public PictureDevice {
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     loseIf(lose_device);
     dawdle();
-    refuseCrowd(request.camera.size.y);
+    if (request.camera.size.y > crowd) refuse();
     return device_->draw(renderer, request, target, top);
   }
   bool begin(GpuRenderer& renderer, const FrameRequest& request, const std::shared_ptr<PictureImage>& target) override {
     loseIf(lose_device);
     dawdle();
+    if (!under_way_.empty() && under_way_.front().ended) return false;
     const bool begun = device_->begin(renderer, request, target);
-    if (begun) rows_.push_back(request.camera.size.y);
+    if (begun) under_way_.push_back({request.camera, target});
     return begun;
   }
   std::optional<bool> finish(double milliseconds) override {
-    const std::optional<bool> whole = device_->finish(milliseconds);
+    if (crowd_of_two > 0) {
+      if (under_way_.size() < 2) {
+        if (Clock::now() > two_until.load()) throw Error(ErrorKind::badData, "no two pictures were under way");
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        return std::nullopt;
+      }
+      if (under_way_[0].camera.rotation != under_way_[1].camera.rotation) crowd = crowd_of_two.exchange(0);
+    }
+    const UnderWay oldest = under_way_.front();
+    const std::optional<bool> whole = oldest.ended ? false : device_->finish(milliseconds);
     if (!whole) return whole;
-    const int rows = rows_.front();
-    rows_.pop_front();
-    if (rows_.empty()) refuseCrowd(rows);  // else the device still draws
-    return whole;
+    under_way_.pop_front();
+    if (oldest.ended || oldest.camera.size.y <= crowd) return whole;
+    device_->drain();  // nothing may be under way while it is drawn again
+    for (UnderWay& later : under_way_) {
+      const glm::ivec2 size = later.target->size;
+      device_->upload(Image(size.x, size.y, 3), *later.target);  // what was drawn counts for nothing
+      later.ended = true;
+    }
+    refuse();
   }
   void drain() noexcept override {
     device_->drain();
-    rows_.clear();
+    under_way_.clear();
   }
   void upload(const Image& picture, PictureImage& target) override {
     dawdle();
@@ -158,8 +181,14 @@ class FaultyDevice final : public PictureDevice {
   Image download(const PictureImage& source) override { return device_->download(source); }
 
  private:
+  struct UnderWay {
+    Camera camera;
+    std::shared_ptr<PictureImage> target;
+    bool ended = false;  // and must be drawn again
+  };
+
   const std::unique_ptr<PictureDevice> device_;
-  std::deque<int> rows_;  // of the pictures under way
+  std::deque<UnderWay> under_way_;
 };
 
 class FaultyScreen final : public Screen {
