@@ -3,6 +3,7 @@
 #include "viewer/picture/maker.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <limits>
@@ -42,22 +43,32 @@ PictureRequest otherOf(PictureRequest request) {
 }  // namespace
 
 struct PictureMaker::Loaded {
+  struct Parts {
+    glm::ivec2 size{0};    // [px] of the whole picture
+    int rows = 0;          // at once, with which the next one begins
+    int fitted = 0;        // with which the last one was drawn
+    bool refused = false;  // more of them have been, of the one at hand
+  };
+
   std::shared_ptr<const GaussianModel> model;
   std::unique_ptr<Renderer> renderer;
   GpuRenderer* gpu = nullptr;  // the same, where it is one
-  glm::ivec2 size{0};          // [px] of the pictures that `rows` is of
-  int rows = 0;                // at once, with which the next one begins
-  bool refused = false;        // more of them have been, of the one at hand
+  std::array<Parts, 2> parts;  // the last one used first: a window's picture, and the smaller one while it moves
 
   // The CPU renderer draws from the model itself, a device has a copy.
   bool isOnlyHere() const { return model.use_count() == (gpu ? 1 : 2); }
 
-  bool inParts(glm::ivec2 picture) const { return picture == size && rows < size.y; }
+  Parts& partsOf(glm::ivec2 size) {
+    auto found = std::find_if(parts.begin(), parts.end() - 1, [&](const Parts& p) { return p.size == size; });
+    if (found->size != size) *found = {size, size.y};
+    std::rotate(parts.begin(), found, found + 1);
+    return parts.front();
+  }
   // So many rows at once have too many pairs: what comes next is half of them.
-  void refuse(glm::ivec2 picture, int tried) {
-    size = picture;
-    rows = halfOfRows(tried);
-    refused = true;
+  void refuse(glm::ivec2 size, int tried) {
+    Parts& of_size = partsOf(size);
+    of_size.rows = halfOfRows(tried);
+    of_size.refused = true;
   }
 };
 
@@ -121,7 +132,7 @@ bool PictureMaker::begin(const PictureRequest& request) {
   if (beside) {
     Loaded& model = loaded(request.model);
     const std::shared_ptr<PictureImage> image = freeImage(request.camera.size);
-    if (!model.inParts(image->size) && device_.begin(*model.gpu, frameOf(request), image)) {
+    if (model.partsOf(image->size).rows >= image->size.y && device_.begin(*model.gpu, frameOf(request), image)) {
       begun.model = &model;
       begun.target = image;
       begun.picture.image = image;
@@ -214,8 +225,9 @@ void PictureMaker::drawBoth(const PictureRequest& request, Picture& picture, Pic
   const std::shared_ptr<PictureImage> image = freeImage(request.camera.size), beside = freeImage(request.camera.size);
   if (first.gpu && !mapsOnHost(request.output, request.settings)) {
     const OutputRange own = drawOnDevice(first, request, *image);
+    const int fitted = first.partsOf(image->size).fitted;
     const OutputRange both = united(own, drawOnDevice(other, others, *beside, own));
-    if (both.least != own.least || both.most != own.most) (void)drawOnDevice(first, request, *image, both);
+    if (both.least != own.least || both.most != own.most) (void)drawParts(first, request, *image, both, fitted);
     picture.scale = scaleOf(request.output, both);
     pair.first = device_.download(*image);
     pair.other = device_.download(*beside);
@@ -296,16 +308,13 @@ OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& req
                                        const OutputRange& beside) {
   const glm::ivec2 size = request.camera.size;
   const int most = std::min(loaded.gpu->rowsAtOnce(request.camera), size.y);
-  if (loaded.size != size) {
-    loaded.size = size;
-    loaded.rows = most;
-    loaded.refused = false;
-  }
+  Loaded::Parts& parts = loaded.partsOf(size);
   for (;;) {
-    const int rows = std::min(loaded.rows, most);
+    const int rows = std::min(parts.rows, most);
     try {
       const OutputRange range = drawParts(loaded, request, target, beside, rows);
-      loaded.rows = std::exchange(loaded.refused, false) ? rows : std::min(2 * rows, most);
+      parts.fitted = rows;
+      parts.rows = std::exchange(parts.refused, false) ? rows : std::min(2 * rows, most);
       return range;
     } catch (const TooManyPairs&) {
       if (rows <= static_cast<int>(kTileSize)) throw;

@@ -433,6 +433,28 @@ TEST_CASE("a picture after one that was drawn in parts begins with parts", "[win
   CHECK(psnr(shop.read("parts.png"), render(shop, {"--camera", "c.json"})) > 45);
 }
 
+TEST_CASE("a picture begins with the parts that fitted its own size", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop,
+       "panel off\nwait 2\ncrowd 50\noutput depth\nwait 1\nrefused 2\nresolution 0.5\nwait 1\nrefused 3\n"
+       "resolution 1\nwait 1\nrefused 3\n",
+       "240x180", backendOr("vulkan"), {}, TG_TGVIEW_UNDER_TEST);
+}
+
+TEST_CASE("two models in colours of one scale begin with the parts that fitted them", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::writeSample(shop / "other.tgz", 90);
+  play(shop,
+       "document 0\npanel off\noutput depth\ncompare side\nwait 1\nwindow whole.png\ncrowd 50\norbit 10 0\nwait 1\n"
+       "refused 4\norbit -10 0\nwait 1\nrefused 4\nwindow parts.png\n",
+       "240x180", backendOr("vulkan"), {"other.tgz"}, TG_TGVIEW_UNDER_TEST);
+  CHECK(psnr(shop.read("parts.png"), shop.read("whole.png")) > 45);
+}
+
 TEST_CASE("the picture's resolution follows the state, the window's does not", "[window]") {
   TG_SKIP_IF(noWindow());
   const Workshop shop;
