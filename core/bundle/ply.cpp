@@ -108,15 +108,15 @@ PointCloud readPointCloudPly(const std::filesystem::path& path, const glm::dvec3
   if (bytes.size() > start) file.read(start, std::span(bytes).subspan(start));
   const PlyVertices ply(bytes, path.string(), "point");
   std::vector<int> columns = {ply.require("x"), ply.require("y"), ply.require("z")};
-  float scale = 1.0f;
+  float white = 1.0f;
   const bool colored = ply.find("red") >= 0 && ply.find("green") >= 0 && ply.find("blue") >= 0;
   if (colored) {
     for (const char* name : {"red", "green", "blue"}) columns.push_back(ply.find(name));
     const PlyType type = ply.properties()[static_cast<std::size_t>(columns[3])].type;
     if (type == PlyType::uint8) {
-      scale = 1.0f / 255.0f;
+      white = 255.0f;
     } else if (type == PlyType::uint16) {
-      scale = 1.0f / 65535.0f;
+      white = 65535.0f;
     } else if (type != PlyType::float32 && type != PlyType::float64) {
       ply.fail("unsupported type of property red (expected uchar, ushort or float)");
     }
@@ -128,7 +128,7 @@ PointCloud readPointCloudPly(const std::filesystem::path& path, const glm::dvec3
   cloud.color.assign(ply.size(), glm::vec3(0.5f));
   const auto take = [&](std::size_t i, std::span<const float> v) {
     cloud.position[i] = {v[0], v[1], v[2]};
-    if (colored) cloud.color[i] = glm::clamp(glm::vec3(v[3], v[4], v[5]) * scale, 0.0f, 1.0f);
+    if (colored) cloud.color[i] = glm::clamp(glm::vec3(v[3], v[4], v[5]) / white, 0.0f, 1.0f);
   };
   ply.read(columns, take, true, offsets);
   return cloud;

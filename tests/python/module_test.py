@@ -516,11 +516,11 @@ class Training(Folder):
                     for camera in loaded.cameras]
         cloud = (folder / "points3d.ply").read_bytes().split(b"end_header\n")[1]
         points = np.frombuffer(cloud, [("xyz", "<f4", 3), ("rgb", "u1", 3)])
-        data = {"points": points["xyz"], "colors": points["rgb"] * np.float32(1 / 255), "background": (0, 0, 0)}
+        data = {"points": points["xyz"], "background": (0, 0, 0)}
         bytes_of = [np.round(picture * 255).astype(np.uint8) for picture in pictures]
         models = []
-        for dataset in (loaded, tg.Dataset(pictures, loaded.cameras, **data),
-                        tg.Dataset(iter(bytes_of), loaded.cameras, **data, masks=[None] * 8)):
+        for dataset in (loaded, tg.Dataset(pictures, loaded.cameras, **data, colors=points["rgb"] / np.float32(255)),
+                        tg.Dataset(iter(bytes_of), loaded.cameras, **data, colors=points["rgb"], masks=[None] * 8)):
             trainer = tg.Trainer(dataset, iterations=10, texture_iterations=5, texture_size=2)
             while trainer.step():
                 pass
