@@ -238,9 +238,24 @@ int channelsOf(const Array& array, const std::string& name, bool colored) {
   return deep ? static_cast<int>(array.shape(2)) : 1;
 }
 
+// Of Pillow's pictures some hold bytes that look like others': indices of a palette, inks, another space of colours. Of
+// a mode whose arrays have a type of their own that type is judged. Throws TypeError, which names what to convert to.
+void requireMode(const py::object& given, const std::string& name, bool is_mask) {
+  const py::object mode = py::getattr(given, "mode", py::none());
+  if (!py::isinstance<py::str>(mode) || !py::hasattr(given, "convert")) return;  // a file that is mapped has one, too
+  const std::string found = fileNameFrom(py::str(mode));
+  if (found == "1" || found == "F" || found.starts_with("I")) return;
+  if (found == "L" || (!is_mask && (found == "RGB" || found == "RGBA"))) return;
+  const bool has_alpha = found.ends_with("A") || found.ends_with("a");
+  throw py::type_error(oneLine(name + ": expected a picture of mode " + (is_mask ? "1 or L" : "L, RGB or RGBA") +
+                               ", found " + tg::shortened(found) + " (convert(\"" +
+                               (is_mask ? "L" : (has_alpha ? "RGBA" : "RGB")) + "\"))"));
+}
+
 bool isOfBytes(const py::array& array) { return py::isinstance<py::array_t<std::uint8_t>>(array); }
 
 ByteImage imageFrom(const py::object& given, const std::string& name) {
+  requireMode(given, name, false);
   const std::string expected = name + ": expected uint8, black 0 and white 255, or floats, black 0 and white 1";
   const py::array any = anyArrayFrom(given, expected);
   if (isOfBytes(any)) {
@@ -258,6 +273,7 @@ ByteImage imageFrom(const py::object& given, const std::string& name) {
 
 ByteImage maskFrom(const py::object& given, const std::string& name) {
   if (given.is_none()) return {};
+  requireMode(given, name, true);
   const std::string expected = name + ": expected truths or uint8";
   const py::array any = anyArrayFrom(given, expected);
   const auto array = arrayFrom<std::uint8_t>(any, isOfBytes(any) ? "u" : "b", expected);
@@ -680,12 +696,13 @@ Their order becomes that of a folder: by name, those to train on first. photogra
 views[i] are therefore not of images[i]; where no camera has a name, both parts keep the order in which they are given.
 
 images: N arrays [height, width, 3 or 4] or [height, width], of uint8, or of floats with black 0 and white 1, which are
-clamped and rounded to 8 bits; any iterable, of which one after the other is read. cameras: N, each of its image's size;
-where one is .test these are held out. names: N, of the photographs, instead of the cameras' own. points [P, 3] [world
-units]; None: training starts from random ones. colors [P, 3] of the points: uint8, or floats from 0 to 1; None: grey.
-masks: N arrays [height, width] of truths or uint8, or None for one: pixels where it is 0 are neither trained on nor
-scored. background: RGB behind images of 4 channels; None: black, and an evaluation goes over the model's. test_every:
-every n-th photograph by name is held out where no camera is; 0: none.)")
+clamped and rounded to 8 bits, of Pillow's pictures those of mode L, RGB or RGBA; any iterable, of which one after the
+other is read. cameras: N, each of its image's size; where one is .test these are held out. names: N, of the
+photographs, instead of the cameras' own. points [P, 3] [world units]; None: training starts
+from random ones. colors [P, 3] of the points: uint8, or floats from 0 to 1; None: grey. masks: N arrays [height, width]
+of truths or uint8, of Pillow's of mode 1 or L, or None for one: pixels where it is 0 are neither trained on nor scored.
+background: RGB behind images of 4 channels; None: black, and an evaluation goes over the model's. test_every: every
+n-th photograph by name is held out where no camera is; 0: none.)")
       .def_static(
           "load",
           [](const PathLike& given, int downscale, const std::optional<std::array<float, 3>>& background,

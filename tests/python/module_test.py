@@ -320,6 +320,17 @@ class Convertible:
         return self.array
 
 
+class Pictured(Convertible):
+    """As pictures of PIL's."""
+
+    def __init__(self, mode, array):
+        super().__init__(array)
+        self.mode = mode
+
+    def convert(self, mode):
+        return self
+
+
 class Item:
     """Is a number of another library's."""
 
@@ -579,6 +590,28 @@ class Training(Folder):
                              ("image 0: .* found masked", {"images": [np.ma.masked_array(image)]})):
             with self.subTest(words=words), self.assertRaisesRegex(TypeError, words):
                 tg.Dataset(**({"images": [image], "cameras": [camera]} | given))
+
+    def test_pictures_are_taken_by_their_mode(self):
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        flat, deep = np.full((3, 4), 51, np.uint8), np.full((3, 4, 4), 51, np.uint8)
+        for mode, array in (("L", flat), ("RGB", deep[..., :3]), ("RGBA", deep), ("F", flat / np.float32(255))):
+            dataset = tg.Dataset([Pictured(mode, array)], [camera], masks=[Pictured("1", flat > 0)])
+            self.assertEqual(dataset.photograph(0).shape, (3, 4, 3))
+        for mode, array, kept in (("P", flat, "RGB"), ("CMYK", deep, "RGB"), ("YCbCr", deep[..., :3], "RGB"),
+                                  ("HSV", deep[..., :3], "RGB"), ("LAB", deep[..., :3], "RGB"), ("RGBX", deep, "RGB"),
+                                  ("RGBa", deep, "RGBA"), ("LA", deep[..., :2], "RGBA"), ("PA", deep, "RGBA")):
+            with self.subTest(mode=mode), self.assertRaises(TypeError) as caught:
+                tg.Dataset([Pictured(mode, array)], [camera])
+            self.assertEqual(str(caught.exception), "image 0: expected a picture of mode L, RGB or RGBA, found "
+                                                    f'{mode} (convert("{kept}"))')
+        with self.assertRaisesRegex(TypeError, r'^mask 0: expected a picture of mode 1 or L, found P \(convert\("L"\)'):
+            tg.Dataset([flat], [camera], masks=[Pictured("P", flat)])
+        for mode, array, found in (("I;16", flat.astype("u2"), "uint16"), ("1", flat > 0, "bool")):
+            with self.assertRaisesRegex(TypeError, f"image 0: expected uint8, .* found {found}"):
+                tg.Dataset([Pictured(mode, array)], [camera])
+        deep.tofile(self.folder / "bytes")  # whose mode is another one
+        mapped = np.memmap(self.folder / "bytes", np.uint8, "r", shape=deep.shape)
+        self.assertEqual(len(tg.Dataset([mapped], [camera])), 1)
 
     def test_a_data_set_tells_what_it_was_read_without(self):
         scene = self.folder / "scene"
