@@ -164,18 +164,23 @@ std::string shapeText(const py::array& array) {
   return "[" + text + "]";
 }
 
+std::string wrongType(const std::string& expected, const py::object& found) {
+  return oneLine(expected + ", found " + std::string(py::str(found)));
+}
 [[noreturn]] void refuseType(const std::string& expected, const py::object& found) {
-  throw py::type_error(oneLine(expected + ", found " + std::string(py::str(found))));
+  throw py::type_error(wrongType(expected, found));
 }
 
-// What NumPy makes of an argument. Throws TypeError, which begins with `expected`, and what else Python raises
-// meanwhile: an __array__ that is interrupted, a warning that is an error.
+// What NumPy makes of an argument. Throws TypeError, which begins with `expected` and has as its cause what NumPy or
+// the argument's __array__ says, and what else Python raises meanwhile: an __array__ that is interrupted, a warning
+// that is an error.
 py::array anyArrayFrom(const py::object& given, const std::string& expected) {
   try {
     return py::array(given);
-  } catch (const py::error_already_set& raised) {
+  } catch (py::error_already_set& raised) {
     if (!raised.matches(PyExc_TypeError) && !raised.matches(PyExc_ValueError)) throw;
-    refuseType(expected, py::type::of(given).attr("__name__"));
+    py::raise_from(raised, PyExc_TypeError, wrongType(expected, py::type::of(given).attr("__name__")).c_str());
+    throw py::error_already_set();
   }
 }
 

@@ -613,6 +613,13 @@ class Training(Folder):
         mapped = np.memmap(self.folder / "bytes", np.uint8, "r", shape=deep.shape)
         self.assertEqual(len(tg.Dataset([mapped], [camera])), 1)
 
+    def test_what_an_array_says_of_itself_is_the_cause(self):
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        for error in TypeError("can't convert cuda:0 device type tensor to numpy"), ValueError("ragged"):
+            with self.assertRaisesRegex(TypeError, "^image 0: expected uint8, .* found Raising$") as caught:
+                tg.Dataset([Raising(error)], [camera])
+            self.assertIs(caught.exception.__cause__, error)
+
     def test_a_data_set_tells_what_it_was_read_without(self):
         scene = self.folder / "scene"
         shutil.copytree(self.scene.name, scene)
