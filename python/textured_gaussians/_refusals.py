@@ -10,17 +10,19 @@ def _found(arguments, named):
     return ", ".join(types[:20] + ["..."] * (len(types) > 20)) or "nothing"
 
 
-def _in_short(function, name, own=0):
-    """The function, of that name, whose TypeError names types of arguments alone; `own` of them stand before the
-    caller's. What Python code raises that it calls stays as it is."""
+def _in_short(function, name, mark, own=0):
+    """The function, of that name, whose TypeError, known by its `mark`, names types of arguments alone; `own` of them
+    stand before the caller's. What code raises that it calls stays as it is."""
 
     @functools.wraps(function)
     def call(*arguments, **named):
         try:
             return function(*arguments, **named)
         except TypeError as error:
+            if error.__traceback__.tb_next:
+                raise
             expected, printed, _ = str(error).partition("\nInvoked with: ")
-            if not printed or error.__traceback__.tb_next:
+            if not printed or mark not in expected:
                 raise
         raise TypeError(f"{expected}\nFound: {_found(arguments[own:], named)}")
 
@@ -39,9 +41,10 @@ def shorten(scope):
         scope.__reduce_ex__ = _reduce
     for name, member in list(vars(scope).items()):
         known = f"{scope.__qualname__}.{name}" if is_class else name
+        mark = f"1. {scope.__module__}.{scope.__qualname__}(" if name == "__init__" else f"{name}(): incompatible "
         if isinstance(member, type):
             shorten(member)
         elif isinstance(member, staticmethod):
-            setattr(scope, name, staticmethod(_in_short(member.__func__, known)))
+            setattr(scope, name, staticmethod(_in_short(member.__func__, known, mark)))
         elif callable(member) and (name == "__init__" or not name.startswith("_")):
-            setattr(scope, name, _in_short(member, known, own=int(is_class)))
+            setattr(scope, name, _in_short(member, known, mark, own=int(is_class)))

@@ -6,6 +6,7 @@ import ast
 import concurrent.futures
 import copy
 import decimal
+import functools
 import inspect
 import os
 import pathlib
@@ -247,6 +248,28 @@ class Refusals(Folder):
             self.assertEqual(traceback.extract_tb(error.__traceback__)[-1].name, "pictures")
         else:
             self.fail("accepted")
+
+        class Silent(TypeError):
+            def __str__(self):
+                raise ZeroDivisionError
+
+        def silent(*_):
+            raise Silent
+
+        model = tg.Model.load(SAMPLE)
+        dataset = tg.Dataset([np.zeros((3, 4))], [tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)])
+        with self.assertRaises(Silent):
+            tg.evaluate(model, dataset, split="train", progress=silent)
+        # As functions and classes of other modules of pybind11's are, without a frame of Python's own.
+        read = tg.read_image.__wrapped__
+        with self.assertRaises(TypeError) as caught:
+            tg.evaluate(model, dataset, split="train", progress=read)
+        self.assertRegex(str(caught.exception), r"^read_image\(\): [^\0]*\nInvoked with: 1, 1$")
+        make = functools.partial(tg.Renderer.__init__.__wrapped__, tg.Renderer.__new__(tg.Renderer))
+        with self.assertRaises(TypeError) as caught:
+            tg.Dataset(map(make, ["x"]), dataset.cameras)
+        self.assertIn("Renderer(model: ", str(caught.exception))
+        self.assertIn("Invoked with: ", str(caught.exception))
 
     def test_long_texts_are_quoted_by_their_beginnings_and_ends(self):
         long = "x" * 100000
