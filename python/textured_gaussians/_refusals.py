@@ -4,9 +4,15 @@ megabytes; its functions have names that nothing has; and pickling its objects b
 import functools
 
 
+def _type(value):
+    name = type(value).__name__
+    held = list(dict.fromkeys(type(each).__name__ for each in value)) if type(value) in (list, tuple) else []
+    return f"{name}[{' | '.join(held[:3] + ['...'] * (len(held) > 3))}]" if held else name
+
+
 def _found(arguments, named):
-    types = [type(value).__name__ for value in arguments]
-    types += [f"{name:.40}={type(value).__name__}" for name, value in named.items()]
+    types = [_type(value) for value in arguments]
+    types += [f"{name:.40}={_type(value)}" for name, value in named.items()]
     return ", ".join(types[:20] + ["..."] * (len(types) > 20)) or "nothing"
 
 

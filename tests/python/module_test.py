@@ -224,7 +224,9 @@ class Refusals(Folder):
                 ("Found: ndarray, size=bytes", renderer.render, (many,), {"size": content}),
                 ("Found: Camera, max_sh_degree=str", renderer.render, (camera,), {"max_sh_degree": "x" * 100000}),
                 ("Found: bytes, ndarray", tg.evaluate, (content, many), {}),
-                ("Found: list", tg.set_threads, ([0] * 100000,), {}),
+                ("Found: list[int]", tg.set_threads, ([0] * 100000,), {}),
+                ("Found: list[ndarray], list[Camera | NoneType]", tg.Dataset, ([many] * 2, [camera, None]), {}),
+                ("Found: list, tuple[int | str | float | ...]", tg.Dataset, ([], (1, "2", 3.0, 4, None)), {}),
                 ("Found: " + "int, " * 20 + "...", tg.set_threads, range(10000), {}),
                 ("Found: str, downscale=str", tg.Dataset.load, ("scene",), {"downscale": "2"})):
             with self.subTest(end=end), self.assertRaises(TypeError) as caught:
