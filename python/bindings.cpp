@@ -310,7 +310,7 @@ std::vector<ByteImage> picturesOf(const py::iterable& given, std::size_t most, c
 }
 
 Dataset makeDataset(const py::iterable& images, std::vector<Camera> cameras,
-                    const std::optional<std::vector<py::str>>& names, const std::optional<ArrayLike>& points,
+                    const std::optional<std::vector<ValueText>>& names, const std::optional<ArrayLike>& points,
                     const std::optional<ArrayLike>& colors, const std::optional<py::iterable>& masks,
                     const std::optional<std::array<float, 3>>& background, int test_every) {
   DatasetData data;
@@ -457,7 +457,7 @@ void bindCamera(py::module_& module) {
 Axes: x right, y down, z forward; pixel centres lie at +0.5, the image's left edge at x = 0. A point p of the world
 appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p + translation.)")
       .def(py::init([](const ArrayLike& rotation, const ArrayLike& translation, const ArrayLike& focal,
-                       const ArrayLike& center, int width, int height, const py::str& name, bool test) {
+                       const ArrayLike& center, int width, int height, const ValueText& name, bool test) {
              Camera camera;
              fill(camera.rotation, rotation, {3, 3}, "rotation", "[3, 3]");
              fill(camera.translation, translation, {3}, "translation", "[3]");
@@ -703,7 +703,7 @@ views[i] are therefore not of images[i]; where no camera has a name, both parts 
 images: N arrays [height, width, 3 or 4] or [height, width], of uint8, or of floats with black 0 and white 1, which are
 clamped and rounded to 8 bits, of Pillow's pictures those of mode L, RGB or RGBA; any iterable, of which one after the
 other is read. cameras: N, each of its image's size; where one is .test these are held out. names: N, of the
-photographs, instead of the cameras' own. points [P, 3] [world units]; None: training starts
+photographs, instead of the cameras' own: str, bytes or os.PathLike. points [P, 3] [world units]; None: training starts
 from random ones. colors [P, 3] of the points: uint8, or floats from 0 to 1; None: grey. masks: N arrays [height, width]
 of truths or uint8, of Pillow's of mode 1 or L, or None for one: pixels where it is 0 are neither trained on nor scored.
 background: RGB behind images of 4 channels; None: black, and an evaluation goes over the model's. test_every: every

@@ -51,7 +51,7 @@ class Camera:
         center: npt.ArrayLike,
         width: int,
         height: int,
-        name: str = ...,
+        name: _Path = ...,
         test: bool = ...,
     ) -> None: ...
     @property
@@ -154,7 +154,7 @@ class Dataset:
         images: Iterable[npt.NDArray[Union[np.uint8, np.floating]]],
         cameras: Sequence[Camera],
         *,
-        names: Optional[Sequence[str]] = ...,
+        names: Optional[Sequence[_Path]] = ...,
         points: Optional[npt.ArrayLike] = ...,
         colors: Optional[npt.NDArray[Union[np.uint8, np.floating]]] = ...,
         masks: Optional[Iterable[Optional[npt.NDArray[Union[np.bool_, np.uint8]]]]] = ...,

@@ -571,6 +571,8 @@ class Training(Folder):
         images = [np.full((3, 4, 3), 0.5)] * 2
         named = tg.Dataset(images, cameras, names=["b", "a"], test_every=2)
         self.assertEqual([(camera.name, camera.test) for camera in named.cameras], [("b", False), ("a", True)])
+        paths = tg.Dataset(images, cameras, names=[pathlib.Path("b"), b"a"])
+        self.assertEqual([camera.name for camera in paths.cameras], ["b", "a"])
         self.assertEqual(named.photograph(0)[0, 0].tolist(), [np.float32(128 / 255)] * 3)
         self.assertEqual(len(tg.Dataset(np.full((2, 3, 4), 0.5), cameras, masks=[np.eye(3, 4) > 0, None],
                                         points=[[0, 0, 0]], colors=np.full((1, 3), 255, np.uint8))), 2)
