@@ -112,6 +112,16 @@ tg::PointCloud pointsOf(const DatasetData& data) {
   return cloud;
 }
 
+// Of pictures that are white for the most part, since their floats were no numbers from 0 to 1.
+void noteAboveWhite(const std::vector<ByteImage>& images, std::vector<std::string>& notes) {
+  const auto count = std::ranges::count_if(images, &ByteImage::above_white);
+  if (count == 0) return;
+  const auto first = std::ranges::find_if(images, &ByteImage::above_white) - images.begin();
+  notes.push_back(std::to_string(count) + " of " + std::to_string(images.size()) +
+                  " images have most of their values above 1, which is white (the first: image " +
+                  std::to_string(first) + "): floats from 0 to 255 want a division by 255");
+}
+
 // The views in the order of those of a folder, each with the place that it was given at: by name, training views first.
 // Throws tg::Error.
 std::vector<std::pair<tg::Camera, std::size_t>> viewsOf(const DatasetData& data) {
@@ -159,6 +169,7 @@ tg::Dataset made(DatasetData&& data) {
   dataset.name = "the data set";
   if (data.background) dataset.background = finiteColorOf(*data.background);
   dataset.points = pointsOf(data);
+  noteAboveWhite(data.images, dataset.notes);
   std::vector<std::size_t> places;
   for (auto& [camera, place] : viewsOf(data)) {
     places.push_back(place);
@@ -183,7 +194,7 @@ tg::Dataset made(DatasetData&& data) {
     const ByteImage& image = (*transparent)[view];
     return image.data.empty() ? *kept : tg::photographOf(imageOf(image), kept->pixels.mask, background);
   };
-  dataset.notes = tg::notesOnPlace(dataset, "");
+  for (std::string& note : tg::notesOnPlace(dataset, "")) dataset.notes.push_back(std::move(note));
   return dataset;
 }
 

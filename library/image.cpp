@@ -41,6 +41,8 @@ ByteImage toBytes(const Image& image, const std::string& name) {
     requireShape(image, name);
     requireFinite(image, name);
     ByteImage bytes{image.width, image.height, image.channels, {}};
+    bytes.above_white = 2 * std::ranges::count_if(image.data, [](float value) { return value > 1; }) >
+                        std::ssize(image.data) - std::ranges::count(image.data, 0.0f);
     bytes.data.reserve(image.data.size());
     for (const float value : image.data) {
       bytes.data.push_back(static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f));

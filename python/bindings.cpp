@@ -732,7 +732,8 @@ or far from the origin; a line of warnings says how a model is brought back.)")
           "background", [](const Dataset& dataset) { return py::tuple(py::cast(dataset.background())); }, "RGB.")
       .def_property_readonly(
           "warnings", [](const Dataset& dataset) { return linesOf(dataset.warnings()); },
-          "What reading passed over or took otherwise than it was listed, as missing photographs: a line each.")
+          "What reading passed over or took otherwise than it was listed, as missing photographs, and arrays of floats "
+          "that are mostly above white, 1: a line each.")
       .def(
           "photograph",
           [](const Dataset& dataset, std::size_t index) {

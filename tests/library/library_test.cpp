@@ -592,6 +592,10 @@ TEST_CASE("photographs in memory train and score to the bytes of those of a fold
     }
   }
   CHECK(Dataset(data).background() == black);
+  data.images[1].above_white = true;
+  CHECK(Dataset(data).warnings() ==
+        std::vector<std::string>{"1 of 8 images have most of their values above 1, which is white (the first: image "
+                                 "1): floats from 0 to 255 want a division by 255"});
 }
 
 TEST_CASE("of photographs in memory every n-th by name is held out unless a camera says so") {
@@ -901,6 +905,9 @@ TEST_CASE("a picture in 8 bits is that of a PNG") {
   writeImage(folder / "a.png", image);
   const ByteImage bytes = toBytes(image);
   CHECK(bytes.data == std::vector<std::uint8_t>{0, 0, 0, 1, 128, 255});
+  CHECK_FALSE(bytes.above_white);
+  CHECK(toBytes({3, 2, 1, {0, 0, 0, 2, 1, 2}}).above_white);
+  CHECK_FALSE(toBytes({3, 2, 1, {0, 0, 2, 2, 1, 1}}).above_white);
   CHECK(toBytes(readImage(folder / "a.png")).data == bytes.data);
   image.data[4] = NAN;
   CHECK(messageOf([&] { toBytes(image); }, ErrorKind::usage) ==

@@ -647,6 +647,15 @@ class Training(Folder):
                 tg.Dataset([Raising(error)], [camera])
             self.assertIs(caught.exception.__cause__, error)
 
+    def test_floats_above_white_are_told(self):
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        half, wide = np.full((3, 4, 3), 0.5), np.zeros((3, 4, 4))
+        wide[0] = 128.0  # of a picture that is transparent for the most part
+        self.assertEqual(tg.Dataset([half * 2, half], [camera] * 2).warnings, [])
+        told = tg.Dataset([half, wide, half * 255], [camera] * 3).warnings
+        self.assertEqual(told, ["2 of 3 images have most of their values above 1, which is white (the first: image 1): "
+                                "floats from 0 to 255 want a division by 255"])
+
     def test_a_data_set_tells_what_it_was_read_without(self):
         scene = self.folder / "scene"
         shutil.copytree(self.scene.name, scene)

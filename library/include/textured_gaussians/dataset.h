@@ -58,8 +58,8 @@ class Dataset {
   // [size()], those to train on first; Camera::test says which are held out.
   std::vector<Camera> cameras() const;
   std::array<float, 3> background() const;
-  // What reading it passed over or took otherwise than it was listed, such as photographs that are missing: a line
-  // each.
+  // What reading it passed over or took otherwise than it was listed, such as photographs that are missing, and images
+  // that are ByteImage::above_white: a line each.
   std::vector<std::string> warnings() const;
   // [height, width, 3] over the background. Throws Error(usage) for an index beyond size(), and what reading the file
   // throws.
