@@ -185,7 +185,9 @@ ChildEnd runChild(const ChildCommand& command, const std::atomic<int>& stop) {
   TG_ASSERT(!command.words.empty(), "a command has a program");
   if (stop != 0) throw Stopped();
   Words words(command);
-  Pipe log, output, failure;
+  Pipe log, failure;
+  std::optional<Process> process;
+  Pipe output;  // closed before the process ends: one that writes into it would not hear that it is to end
   std::vector<std::string> arguments = command.words, environment = childEnvironment();
   const std::vector<char*> argument_pointers = pointersTo(arguments), environment_pointers = pointersTo(environment);
   const pid_t parent = ::getpid();
@@ -195,7 +197,7 @@ ChildEnd runChild(const ChildCommand& command, const std::atomic<int>& stop) {
                 command.output ? output.write.get() : log.write.get(), log.write.get(), failure.write.get());
   }
   if (id < 0) throw Error(ErrorKind::device, arguments[0], "cannot start: " + systemReason());
-  Process process(id, command.patience);
+  process.emplace(id, command.patience);
   for (Pipe* pipe : {&log, &output, &failure}) pipe->write.close();
   int reason = 0;
   ssize_t failed = 0;
@@ -228,7 +230,7 @@ ChildEnd runChild(const ChildCommand& command, const std::atomic<int>& stop) {
     }
   }
   std::optional<int> status;
-  while (!(status = process.status())) {
+  while (!(status = process->status())) {
     if (stop != 0) throw Stopped();
     if (command.meanwhile) command.meanwhile();
     ::poll(nullptr, 0, kPollEnd);

@@ -112,6 +112,18 @@ TEST_CASE("a child that is to stop ends, with its own children, also one that do
   CHECK_THROWS_AS(tg::runChild({{"/bin/true"}, folder / "log.txt", {}, {}}, stop), tg::Stopped);
 }
 
+TEST_CASE("a child that writes what nobody takes any more ends at once where its user stops it", "[photos]") {
+  const tg::TemporaryFolder folder;
+  std::atomic<int> stop{0};
+  // As ffmpeg: deaf while it writes.
+  tg::ChildCommand command{{"/bin/sh", "-c", "trap '' TERM; cat /dev/zero"}, folder / "log.txt", {}, {}};
+  command.output = [&](std::span<const std::uint8_t>) { stop = SIGINT; };
+  command.patience = std::chrono::seconds(60);
+  const auto begun = std::chrono::steady_clock::now();
+  CHECK_THROWS_AS(tg::runChild(command, stop), tg::Stopped);
+  CHECK(std::chrono::steady_clock::now() - begun < command.patience / 2);
+}
+
 TEST_CASE("programs are found on the PATH alone, and only those that may be run", "[photos]") {
   const tg::TemporaryFolder folder;
   std::ofstream(folder / "tool") << "#!/bin/sh\n";
