@@ -44,7 +44,8 @@ bool holdsListAlone(const fs::path& folder) {
 
 Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
-  made_ = fs::create_directories(folder_, error);
+  for (fs::path at = folder_; !at.empty() && !fs::exists(at, error); at = at.parent_path()) made_ = at;
+  fs::create_directories(folder_, error);
   if (error) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot make this folder: " + error.message());
   lock_.emplace(folder_);
   const fs::path file = folder_ / kFile;
@@ -77,11 +78,15 @@ Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
 
 Ledger::~Ledger() {
   const bool done = std::ranges::any_of(entries_, [](const auto& entry) { return entry.second.done; });
-  if (made_ && !done) {
+  if (!made_.empty() && !done) {
     std::error_code ignored;
     for (const char* made : {"logs", "images.part", "masks.part"}) fs::remove_all(folder_ / made, ignored);
     // The list last: without it whatever is left would count as other people's files.
-    if (holdsListAlone(folder_) && fs::remove(folder_ / kFile, ignored)) fs::remove(folder_, ignored);
+    if (!holdsListAlone(folder_) || !fs::remove(folder_ / kFile, ignored)) return;
+    for (fs::path at = folder_; !ignored; at = at.parent_path()) {
+      fs::remove(at, ignored);
+      if (at == made_) break;
+    }
   }
 }
 

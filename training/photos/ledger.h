@@ -21,8 +21,9 @@ class Ledger {
  public:
   static constexpr const char* kFile = "photos.json";
 
-  // Makes and locks the folder, which goes again where no stage is done in it. A list that cannot be understood counts
-  // as none. Throws Error(cannotWrite), also for a folder with other people's files.
+  // Makes and locks the folder, which goes again where no stage is done in it, with those around it that were made for
+  // it and hold nothing else. A list that cannot be understood counts as none. Throws Error(cannotWrite), also for a
+  // folder with other people's files.
   explicit Ledger(std::filesystem::path folder);
   ~Ledger();
   Ledger& operator=(Ledger&&) = delete;
@@ -47,7 +48,7 @@ class Ledger {
 
   const std::filesystem::path folder_;
   std::map<PhotoStage, Entry> entries_;
-  bool made_ = false;  // was not there before
+  std::filesystem::path made_;  // the outermost folder that was not there before; empty: all were
   std::optional<FolderLock> lock_;
 };
 

@@ -66,6 +66,19 @@ TEST_CASE("a folder in which no stage is done goes again but not what else is in
   };
   use();
   CHECK_FALSE(std::filesystem::exists(folder / "work"));
+  std::filesystem::create_directory(folder / "old");
+  for (const char* work : {"old/a/b/c", "old/a/b/c/"}) {  // with the folders that were made for it
+    {
+      const Ledger ledger(folder / work);
+    }
+    CHECK(std::filesystem::is_empty(folder / "old"));
+  }
+  {
+    const Ledger ledger(folder / "old/a/b");
+    std::ofstream(folder / "old/a/mine.txt") << "mine";
+  }
+  CHECK_FALSE(std::filesystem::exists(folder / "old/a/b"));
+  CHECK(std::filesystem::exists(folder / "old/a/mine.txt"));
   {
     const Ledger ledger(folder / "work");
     std::ofstream(folder / "work/notes.txt") << "mine";
