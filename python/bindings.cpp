@@ -724,6 +724,8 @@ downscale: whole number. background: RGB behind transparent photographs; None: t
 NeRF-synthetic, else black; an evaluation goes over the model's then. test_every: every n-th photograph is held out
 where the data set has no split; 0: none. normalize: cameras and points are moved and scaled, of scenes that are small
 or far from the origin; a line of warnings says how a model is brought back.)")
+      .def("__copy__", [](const py::object& self) { return self; })
+      .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
       .def("__repr__",
@@ -924,7 +926,8 @@ that only bring a .ply back bit by bit. atlas: texels of .glb, .gltf, .html and 
 "webp". spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim,
 what viewers without textures show looks right in this one, as "three". dry_run: find out how large the file would be
 and write nothing. progress: called as progress(part, done, steps), on this thread, before and after every step of a
-"fit" to a viewer and every trial of a "target"; what it raises ends the conversion.)");
+"fit" to a viewer and every trial of a "target", of which a second search counts anew; what it raises ends the
+conversion.)");
 }
 
 }  // namespace

@@ -656,6 +656,11 @@ class Training(Folder):
         self.assertEqual(told, ["2 of 3 images have most of their values above 1, which is white (the first: image 1): "
                                 "floats from 0 to 255 want a division by 255"])
 
+    def test_a_data_set_is_copied_as_itself(self):
+        dataset = tg.Dataset.load(self.scene.name)
+        self.assertIs(copy.copy(dataset), dataset)
+        self.assertIs(copy.deepcopy([dataset])[0], dataset)
+
     def test_a_data_set_tells_what_it_was_read_without(self):
         scene = self.folder / "scene"
         shutil.copytree(self.scene.name, scene)
