@@ -26,6 +26,9 @@ class CudaTrainingEngine final : public TrainingEngine {
  public:
   CudaTrainingEngine(float ssim_weight, StepParts parts) : ssim_weight_(ssim_weight), parts_(parts) {}
 
+  bool hasPhotograph(std::size_t view, bool background_varies) const override {
+    return photographs_.has(view, background_varies);
+  }
   bool sharesTextures() const override { return true; }
   void step(RunState& state, const StepInput& input) override {
     if (holds_ && !input.texture_groups.empty() && device_.shared_rects.empty()) {  // it was looked at before

@@ -22,9 +22,9 @@ std::span<const std::uint8_t> maskOf(const ViewPixels& photograph, double& count
 }  // namespace
 
 DevicePhotographs::OnDevice DevicePhotographs::get(std::size_t view, const Pixels& photograph, bool varies) {
-  TG_ASSERT(photograph, "there is a photograph");
   const auto found = kept_.find(view);
   if (found != kept_.end() && !varies) return found->second.view;
+  TG_ASSERT(photograph, "there is a photograph where none is kept");
   double counted = 0;
   const std::span<const std::uint8_t> mask = maskOf(*photograph, counted);
   const std::size_t rgb_bytes = photograph->rgb.size();

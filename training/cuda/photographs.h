@@ -22,6 +22,8 @@ class DevicePhotographs {
     double counted;
   };
 
+  // Whether get() needs no photograph of this view; to the end, once it is so.
+  bool has(std::size_t view, bool varies) const { return !varies && kept_.contains(view); }
   // For kernels launched until release(). One that does not vary is kept while a quarter of the memory is free.
   OnDevice get(std::size_t view, const Pixels& photograph, bool varies);
   void release();

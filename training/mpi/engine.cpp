@@ -58,7 +58,7 @@ class ShardedEngine final : public TrainingEngine {
   ShardedEngine(Channel& channel, const Dataset& dataset, float ssim_weight)
       : channel_(channel), ssim_weight_(ssim_weight), part_(channel, dataset) {}
 
-  bool takesPhotographs() const override { return true; }
+  bool hasPhotograph(std::size_t, bool) const override { return true; }
   void step(RunState& state, const StepInput& input) override {
     change(state);
     give(channel_, Order::step, StepOrder{input, input.camera, ssim_weight_});

@@ -484,11 +484,10 @@ void Trainer::iterate() {
     for (int c = 0; c < 3; ++c) background[c] = static_cast<float>(random.uniform());
   }
   const std::optional<std::size_t> following = state_.order.following();
+  const auto lacks = [&](std::size_t v) { return !engine_->hasPhotograph(v, dataset_.random_background); };
   std::shared_ptr<const ViewPixels> photograph;
-  if (!engine_->takesPhotographs()) {
-    photograph = dataset_.composited(view, background);
-    if (following) dataset_.prefetch(*following);
-  }
+  if (lacks(view)) photograph = dataset_.composited(view, background);
+  if (following && lacks(*following)) dataset_.prefetch(*following);
   LearningRates rates;
   const bool own = !first_stage && settings_.rate_position_texture >= 0;
   rates.mean =

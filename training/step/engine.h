@@ -42,8 +42,8 @@ struct StepChoices {
 
 struct StepInput : StepChoices {
   const Camera& camera;  // stays where it is until the step's loss is known
-  // What the picture is compared with; the same for every step with this view unless background_varies. Null where the
-  // engine takes it from the data set itself.
+  // What the picture is compared with; the same for every step with this view unless background_varies. May be null
+  // where the engine hasPhotograph().
   std::shared_ptr<const ViewPixels> photograph;
   // [N] textureGroups(): Gaussians of a group keep to one texture. Empty: each has its own.
   std::span<const std::uint32_t> texture_groups = {};
@@ -52,8 +52,9 @@ struct StepInput : StepChoices {
 class TrainingEngine {
  public:
   virtual ~TrainingEngine() = default;
-  // Whether steps are to come without photographs.
-  virtual bool takesPhotographs() const { return false; }
+  // Whether the next steps with this view need not come with its photograph, which the engine keeps or takes from the
+  // data set itself.
+  virtual bool hasPhotograph(std::size_t /*view*/, bool /*background_varies*/) const { return false; }
   // Whether step() heeds texture_groups.
   virtual bool sharesTextures() const { return false; }
   // One iteration, which may still be under way at return. A state with min_sigma is drawn through the 3D filter. After
