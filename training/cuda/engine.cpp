@@ -41,7 +41,8 @@ class CudaTrainingEngine final : public TrainingEngine {
     records_.resize(kStepsAhead);
     begin(state, steps_.size() - 1);
     // The first one says how much room others need, and what progress starts from.
-    if (steps_.size() == kStepsAhead || input.iteration == 1 || peak_ == 0) settle(state);
+    const bool full = steps_.size() == kStepsAhead || photographBytes() >= parts_.photographs;
+    if (full || input.iteration == 1 || peak_ == 0) settle(state);
   }
   std::vector<LossValue> losses(RunState& state, bool wait) override {
     if (wait) settle(state);
@@ -138,6 +139,15 @@ class CudaTrainingEngine final : public TrainingEngine {
     return drawn;
   }
 
+  // Of those that steps_ hold.
+  std::size_t photographBytes() const {
+    std::size_t bytes = 0;
+    for (const Step& step : steps_) {
+      if (step.input.photograph) bytes += step.input.photograph->rgb.size() + step.input.photograph->mask.size();
+    }
+    return bytes;
+  }
+
   // Launches steps_[index], the one after device_.step + index others, and its verdict.
   void begin(const RunState& state, std::size_t index) {
     Step& step = steps_[index];
@@ -149,6 +159,7 @@ class CudaTrainingEngine final : public TrainingEngine {
     const DevicePhotographs::OnDevice photograph =
         photographs_.get(input.view, input.photograph, input.background_varies);
     step.counted = photograph.counted;
+    if (photographs_.has(input.view, input.background_varies)) step.input.photograph.reset();
     v_picture_.resize(frame_.picture().size());
     evaluateLoss({input.camera.size.x, input.camera.size.y, ssim_weight_, photograph.counted, frame_.picture().data(),
                   photograph.rgb, photograph.mask},

@@ -3,11 +3,13 @@
 // nothing else is read back meanwhile.
 #include "training/step/engine.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "support/catch.h"
 #include "support/cuda_orders.h"
+#include "training/cuda/engine.h"
 #include "training/cuda/memory.h"
 #include "training/cuda/renderer.h"
 #include "training/run/init.h"
@@ -19,9 +21,10 @@ namespace {
 
 class Run {
  public:
-  Run()
+  explicit Run(cuda::StepParts parts = {})
       : dataset_(
-            test::sampleDataset({.size = 24, .train_views = 2, .test_views = 0, .points = 400, .supersampling = 1})) {
+            test::sampleDataset({.size = 24, .train_views = 2, .test_views = 0, .points = 400, .supersampling = 1})),
+        engine_(cuda::makeTrainingEngine(0.2f, parts)) {
     state_.training.model = gaussiansFromPoints(dataset_.points);
     for (glm::vec3& log_scale : state_.training.model.log_scale) log_scale += 2.0f;
     resetMoments(state_.training);
@@ -31,10 +34,12 @@ class Run {
   }
 
   // Far away every splat lies in one tile, near in several.
-  void step(bool near, float background = 0.0f) {
+  void step(bool near, float background = 0.0f, bool varies = false) {
+    const auto photograph = std::make_shared<const ViewPixels>(*dataset_.pixels(0));
+    photographs_.push_back(photograph);
     StepInput input{{.view = 0,
                      .background = glm::vec3(background),
-                     .background_varies = false,
+                     .background_varies = varies,
                      .iteration = ++iteration_,
                      .gradient = {},
                      .gather_statistics = true,
@@ -46,8 +51,12 @@ class Run {
                      .noise_seed = 3,
                      .clamp_colors = false},
                     near ? near_ : far_,
-                    dataset_.pixels(0)};
+                    photograph};
     engine_->step(state_, input);
+  }
+  // How many photographs of steps the engine has in the host's memory.
+  std::ptrdiff_t held() const {
+    return std::ranges::count_if(photographs_, [](const auto& photograph) { return !photograph.expired(); });
   }
   std::vector<LossValue> losses(bool wait) { return engine_->losses(state_, wait); }
   const RunState& state() {
@@ -58,8 +67,9 @@ class Run {
  private:
   Dataset dataset_;
   Camera near_, far_;
-  std::unique_ptr<DifferentiableRenderer> renderer_ = makeCudaDifferentiableRenderer();
-  std::unique_ptr<TrainingEngine> engine_ = renderer_->makeTrainingEngine(0.2f);
+  std::unique_ptr<DifferentiableRenderer> renderer_ = makeCudaDifferentiableRenderer();  // opens the device
+  std::unique_ptr<TrainingEngine> engine_;
+  std::vector<std::weak_ptr<const ViewPixels>> photographs_;
   RunState state_;
   int iteration_ = 0;
 };
@@ -130,4 +140,24 @@ TEST_CASE("CUDA's steps read nothing back but 40 bytes each, every 32 steps") {
   run.step(true);
   CHECK(cuda::bytesToHost() == before + 32 * 40);
   CHECK(run.losses(false).size() == 32);
+}
+
+TEST_CASE("CUDA's steps hold no photograph that stays on the device, and others up to a limit") {
+  constexpr std::size_t kPhotograph = 3 * 24 * 24;  // [bytes]
+  Run kept, bounded({.photographs = 4 * kPhotograph}), whole;
+  std::ptrdiff_t most = 0;
+  for (int k = 0; k < 20; ++k) {
+    const bool near = k % 7 == 6;  // these have no room at first, and are done again
+    kept.step(near);
+    CHECK(kept.held() == 0);
+    bounded.step(near, 0.0f, true);
+    whole.step(near, 0.0f, true);
+    most = std::max(most, bounded.held());
+  }
+  CHECK(most == 3);
+  CHECK(whole.held() == 19);
+  CHECK(whole.losses(true).size() == 20);
+  CHECK(whole.held() == 0);
+  checkSame(bounded.state(), whole.state());
+  checkSame(kept.state(), whole.state());
 }
