@@ -5,12 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
 #include "core/system/parallel.h"
-#include "shared/splat.h"
 
 namespace tg {
 namespace {
@@ -82,15 +80,6 @@ class Opacities {
   std::array<double, kSamples> whole_{}, middle_{}, near_{}, far_{};
 };
 
-double nearestDistance(glm::dvec3 place, std::span<const glm::dvec3> eyes) {
-  double nearest = std::numeric_limits<double>::max();
-  for (const glm::dvec3& eye : eyes) {
-    const glm::dvec3 apart = eye - place;
-    nearest = std::min(nearest, glm::dot(apart, apart));
-  }
-  return std::sqrt(nearest);
-}
-
 // Beyond floats' reach pieces have no place.
 bool isWide(double sigma, double distance, double bound) { return sigma > bound * distance && sigma < kMostSigma; }
 
@@ -108,7 +97,7 @@ std::vector<Piece> piecesOf(const Piece& whole, const glm::dmat3& axes, std::spa
     for (const Piece& piece : pieces) {
       const int axis = widestAxis(piece.log_scale);
       const double sigma = std::exp(piece.log_scale[axis]);
-      if (!isWide(sigma, nearestDistance(piece.mean, eyes), limits.bound)) {
+      if (!isWide(sigma, nearestDistance(piece.mean, eyes.data(), eyes.size()), limits.bound)) {
         next.push_back(piece);
         continue;
       }
@@ -135,8 +124,9 @@ WidePieces splitWide(const GaussianModel& model, std::span<const glm::dvec3> eye
   parallelFor(static_cast<std::int64_t>(model.size()), 256, [&](std::int64_t item) {
     const auto i = static_cast<std::size_t>(item);
     const glm::dvec3 sigma = sigmaOf(model, i);
-    wide[i] = !eyes.empty() && isWide(std::max({sigma.x, sigma.y, sigma.z}),
-                                      nearestDistance(glm::dvec3(model.mean[i]), eyes), limits.bound);
+    wide[i] =
+        !eyes.empty() && isWide(std::max({sigma.x, sigma.y, sigma.z}),
+                                nearestDistance(glm::dvec3(model.mean[i]), eyes.data(), eyes.size()), limits.bound);
   });
   WidePieces result;
   std::vector<Piece> all;

@@ -8,8 +8,20 @@
 #include <vector>
 
 #include "core/model/model.h"
+#include "shared/splat.h"
 
 namespace tg {
+
+// From a place to the nearest of [count] eyes, the largest number's root where there are none. In one text for the CPU
+// and CUDA.
+TG_FN double nearestDistance(glm::dvec3 place, const glm::dvec3* eyes, std::size_t count) {
+  double nearest = std::numeric_limits<double>::max();
+  for (std::size_t k = 0; k < count; ++k) {
+    const glm::dvec3 apart = eyes[k] - place;
+    nearest = min(nearest, glm::dot(apart, apart));
+  }
+  return sqrt(nearest);
+}
 
 struct WidePieces {
   std::vector<std::uint32_t> wide;    // Gaussians that are too wide, ascending

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/model/wide_splats.h"
 #include "training/cuda/geometry.h"
 
 namespace tg::cuda {
@@ -294,6 +295,17 @@ TG_KERNEL minSigmaKernel(float* sizes, std::size_t count, const std::uint32_t* l
   sizes[i] = size * sqrt(kFilterVariance);
 }
 
+// ---- Wide Gaussians
+
+TG_KERNEL wideKernel(Parameters model, const glm::dvec3* eyes, std::size_t eye_count, double bound,
+                     std::uint32_t* found) {
+  const std::size_t i = itemIndex();
+  if (i >= model.count) return;
+  const glm::vec3 log_scale = readLogScale(model, i);
+  const double sigma = ::exp(static_cast<double>(max(max(log_scale.x, log_scale.y), log_scale.z)));
+  if (sigma > bound * nearestDistance(readMean(model, i), eyes, eye_count)) atomicMax(found, 1u);
+}
+
 void sum(DensityScratch& scratch, const Buffer<std::uint32_t>& flags, Buffer<std::uint32_t>& ranks) {
   ranks.resize(flags.size());
   scratch.primitives.exclusiveSum(flags.data(), ranks.data(), flags.size());
@@ -430,6 +442,13 @@ void updateFilter(DeviceState& state, const Buffer<Pinhole>& cameras, Buffer<std
   launch("pixel sizes", pixelSizeKernel, blocksFor(count), state.model.parameters(), cameras.data(), cameras.size(),
          state.min_sigma.data(), largest.data());
   launch("3D filter sizes", minSigmaKernel, blocksFor(count), state.min_sigma.data(), count, largest.data());
+}
+
+bool mayHaveWide(const Parameters& model, const Buffer<glm::dvec3>& eyes, double bound, Buffer<std::uint32_t>& found) {
+  found.resize(1);
+  found.zero();
+  launch("wide", wideKernel, blocksFor(model.count), model, eyes.data(), eyes.size(), bound * (1 - 1e-9), found.data());
+  return found.read(0) != 0;
 }
 
 }  // namespace tg::cuda

@@ -28,5 +28,9 @@ void resetOpacity(DeviceState& state);
 void growShDegree(DeviceState& state, int degree);
 // minSigmas(). cameras: on the device. largest: scratch.
 void updateFilter(DeviceState& state, const Buffer<Pinhole>& cameras, Buffer<std::uint32_t>& largest);
+// Whether a sigma is larger than `bound` times the distance to the nearest of the eyes, or a billionth short of it: the
+// host's exponential, by which splitWide() decides, has other last bits. eyes, found: on the device, the latter
+// scratch.
+bool mayHaveWide(const Parameters& model, const Buffer<glm::dvec3>& eyes, double bound, Buffer<std::uint32_t>& found);
 
 }  // namespace tg::cuda

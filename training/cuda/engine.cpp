@@ -66,7 +66,13 @@ class CudaTrainingEngine final : public TrainingEngine {
   }
   void updateFilter(RunState& state, std::span<const Pinhole> cameras) override {
     if (cameras_.size() == 0) cameras_.upload(cameras);
-    cuda::updateFilter(changing(state), cameras_, largest_pixel_);
+    cuda::updateFilter(changing(state), cameras_, number_);
+  }
+  bool mayHaveWide(RunState& state, std::span<const glm::dvec3> eyes, double bound) override {
+    hold(state);
+    settle(state);
+    if (eyes_.size() == 0) eyes_.upload(eyes);
+    return cuda::mayHaveWide(device_.model.parameters(), eyes_, bound, number_);
   }
 
   const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) override {
@@ -260,7 +266,8 @@ class CudaTrainingEngine final : public TrainingEngine {
   DeviceState device_;
   DeviceModel gradient_;  // of some Gaussians
   Buffer<Pinhole> cameras_;
-  Buffer<std::uint32_t> largest_pixel_;  // updateFilter()
+  Buffer<glm::dvec3> eyes_;
+  Buffer<std::uint32_t> number_;  // [1] scratch
   Buffer<float> effective_log_scale_, effective_opacity_logit_;
   Frame frame_;
   std::deque<Step> steps_;  // begun, and not known to be done

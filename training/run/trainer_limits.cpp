@@ -62,14 +62,15 @@ void Trainer::keepMostSeen(std::size_t count) {
 }
 
 void Trainer::splitWideOnes() {
-  pull();
-  TrainingState& training = state_.training;
-  const std::size_t count = training.model.size();
+  const std::size_t count = engine_->gaussians(state_);
   std::vector<glm::dvec3> eyes;
   for (const Pinhole& camera : filter_cameras_) eyes.push_back(camera.position());
   WideLimits limits{.bound = static_cast<double>(settings_.wide_sigma), .rounds = 1};
   const std::size_t most = limitNow();
   if (most > 0) limits.most_pieces = count < most ? (most - count) * 3 / 2 : 0;  // three in the place of one
+  if (limits.most_pieces < 3 || !engine_->mayHaveWide(state_, eyes, limits.bound)) return;
+  pull();
+  TrainingState& training = state_.training;
   const WidePieces split = splitWide(training.model, eyes, limits);
   if (split.wide.empty()) return;
   engine_->stateChanged();

@@ -73,6 +73,9 @@ class TrainingEngine {
   // minSigmas(). cameras: the same in every call.
   virtual void updateFilter(RunState& state, std::span<const Pinhole> cameras) = 0;
 
+  // Whether splitWide() by `bound` may find one in `state`. eyes: the same in every call. Changes nothing.
+  virtual bool mayHaveWide(RunState& /*state*/, std::span<const glm::dvec3> /*eyes*/, double /*bound*/) { return true; }
+
   // What step() would draw of `state` from `camera`: [height * width], not clamped. Changes nothing.
   virtual const std::vector<glm::vec3>& picture(RunState& state, const Camera& camera, glm::vec3 background) = 0;
   // How many Gaussians there are, whether or not `state` is up to date.

@@ -3,6 +3,10 @@
 // same order, from the same random numbers.
 #include "training/cuda/density.h"
 
+#include <array>
+#include <cmath>
+
+#include "core/model/wide_splats.h"
 #include "support/catch.h"
 #include "support/cuda_orders.h"
 #include "support/same.h"
@@ -209,4 +213,36 @@ TEST_CASE("CUDA's 3D filter has the CPU's sizes", "[checked]") {
   onDevice(state, [&](cuda::DeviceState& device) { cuda::updateFilter(device, device_cameras, largest); });
   CHECK(sameNumbers(state.min_sigma, expected));
   CHECK(*std::min_element(expected.begin(), expected.end()) > 0);
+}
+
+TEST_CASE("CUDA finds wide Gaussians where the CPU does", "[checked]") {
+  const std::array<glm::dvec3, 3> eyes = {{{0, 0, -4}, {2, 1, -3}, {-5, 0.5, 0.5}}};
+  cuda::Buffer<glm::dvec3> device_eyes;
+  device_eyes.upload(eyes);
+  cuda::Buffer<std::uint32_t> found;
+  const auto mayHave = [&](const RunState& state, double bound) {
+    cuda::DeviceState device;
+    cuda::upload(state, {}, device);
+    return cuda::mayHaveWide(device.model.parameters(), device_eyes, bound, found);
+  };
+  int wide = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const RunState state = randomState(seed % 4 == 0 ? 300 : 2, seed);
+    const double bound = seed % 4 == 0 ? 0.2 : 0.02;
+    const bool expected = !splitWide(state.training.model, eyes, {.bound = bound, .rounds = 1}).wide.empty();
+    wide += expected;
+    CAPTURE(seed);
+    CHECK(mayHave(state, bound) == expected);
+  }
+  CHECK(wide >= 10);
+  CHECK(wide <= 30);
+
+  // Its nearest eye is 5 away.
+  RunState one = randomState(1, 1);
+  one.training.model.mean[0] = {-5, 0.5, 5.5};
+  one.training.model.log_scale[0] = {-6, 0, -6};
+  CHECK(mayHave(one, 1 / 5.001));
+  CHECK(mayHave(one, 1 / 5.0));  // it leaves the last bits to the CPU
+  CHECK_FALSE(mayHave(one, 1 / 4.999));
+  CHECK(splitWide(one.training.model, eyes, {.bound = 1 / 5.0, .rounds = 1}).wide.empty());
 }

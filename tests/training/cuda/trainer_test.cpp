@@ -188,6 +188,33 @@ TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run,
   }
 }
 
+TEST_CASE("a CUDA run copies its state for wide Gaussians only where there are some and room for pieces") {
+  const Dataset dataset = smallDataset();
+  TrainSettings settings = run(12, 0);
+  settings.texture_mode = TextureMode::none;
+  settings.densification = Densification::adc;
+  settings.densify_every = 5;
+  settings.densify_from = 4;
+  settings.densify_until = 11;
+  const auto cuda = makeCudaDifferentiableRenderer();
+  // By steps with two rounds. [bytes]
+  const auto read = [&](float wide_sigma, std::size_t gaussians) {
+    settings.wide_sigma = wide_sigma;
+    settings.gaussians = gaussians;
+    settings.limit_by = LimitBy::room;
+    Trainer trainer(dataset, settings, *cuda);
+    trainer.step();
+    const std::size_t before = cuda::bytesToHost();
+    while (trainer.progress().iteration < 11) trainer.step();
+    return cuda::bytesToHost() - before;
+  };
+  const std::size_t none = read(0, 0);
+  CHECK(none < 1000);
+  CHECK(read(100, 0) == none + 2 * sizeof(std::uint32_t));
+  CHECK(read(1e-3f, 0) > none + 60 * 100);
+  CHECK(read(1e-3f, 60) == read(0, 60));
+}
+
 // Of those that the CPU shows in so few steps: a term that the kernels lack is found here.
 TEST_CASE("a setting that changes what the CPU trains changes it with CUDA") {
   const Dataset dataset = test::tinyDataset(12, 20);
