@@ -16,7 +16,8 @@ endif()
 # One INTERFACE target that every target of ours links: reproducible floating point, asserts, sanitizers.
 add_library(tg_options INTERFACE)
 # Contraction off: bit-equality is tested across thread counts and backends (docs/math.md, section "Precision").
-target_compile_options(tg_options INTERFACE $<${tg_cxx}:-ffp-contract=off>)
+target_compile_options(tg_options INTERFACE
+  $<${tg_cxx}:-ffp-contract=off> $<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-ffp-contract=off>)
 # The programs of a build with tests check, too: the tests run them.
 set(TG_ASSERTS_ON OFF)
 if(TG_ASSERTS STREQUAL ON OR (TG_ASSERTS STREQUAL AUTO AND TG_TESTS))
