@@ -42,7 +42,8 @@ constexpr double kBackwardFlops = 69;
 struct Options {
   std::string data;
   std::string device = "cpu";
-  int width = 640, height = 360, gaussians = 16000, iterations = 40, threads = 0, texels = 0, sh_degree = 3;
+  int width = 640, height = 360, gaussians = 16000, iterations = 40, threads = 0, texels = 0, dictionary = 0,
+      sh_degree = 3;
   double splats = 60.0;
   bool statistics = true, peak = true;
 };
@@ -184,6 +185,9 @@ std::unique_ptr<DifferentiableRenderer> openRenderer(const Options& options) {
 }
 
 void run(const Options& options) {
+  if (options.dictionary > 0 && (options.device != "cuda" || options.texels == 0)) {
+    throw Error(ErrorKind::usage, "--dictionary is for textures on a GPU (expected --device cuda and --texels)");
+  }
   const auto renderer = openRenderer(options);
   Scene scene = options.data.empty() ? seededScene(options) : loadScene(options);
 #ifdef TG_HAVE_CUDA
@@ -191,7 +195,7 @@ void run(const Options& options) {
     const double blended = blendedPairs(scene.model, {scene.cameras[0]})[0];
     bench::benchCuda(*renderer, std::move(scene.model),
                      {scene.cameras, scene.photographs, scene.extent, blended, options.iterations, options.statistics,
-                      options.peak});
+                      options.peak, options.dictionary});
     return;
   }
 #endif
@@ -285,6 +289,8 @@ int main(int argc, char** argv) {
   app.add_option("--gaussians", options.gaussians)->check(within(1, 10000000));
   app.add_option("--splats", options.splats, "blended splats per pixel to aim at")->check(within(0.1, 1000.0));
   app.add_option("--texels", options.texels, "texture side, 0 = none")->check(within(0, 64));
+  app.add_option("--dictionary", options.dictionary, "cuda: textures that Gaussians share, 0 = one each")
+      ->check(within(0, 65536));
   app.add_option("--sh-degree", options.sh_degree)->check(within(0, 3));
   app.add_option("--iterations", options.iterations)->check(within(1, 100000));
   app.add_option("--threads", options.threads, "0 = all")->check(within(0, 1024));

@@ -3,6 +3,7 @@
 // are read again in other tiles, less where they are still in the cache.
 #include "train_cuda.h"
 
+#include <algorithm>
 #include <bit>
 #include <chrono>
 #include <cstdio>
@@ -69,6 +70,11 @@ class Run {
       pixels->rgb = bench.photographs[i];
       photographs_.push_back(std::move(pixels));
     }
+    if (bench.dictionary > 0) {
+      for (std::size_t i = 0; i < state_.training.model.size(); ++i) {
+        groups_.push_back(static_cast<std::uint32_t>(i % static_cast<std::size_t>(bench.dictionary)));
+      }
+    }
     rates_.mean = static_cast<float>(1.6e-4 * bench.extent);
   }
 
@@ -88,7 +94,8 @@ class Run {
                      .noise_seed = 0,
                      .clamp_colors = false},
                     bench_.cameras[view],
-                    photographs_[view]};
+                    photographs_[view],
+                    groups_};
     input.gradient.statistics = bench_.statistics;
     engine_->step(state_, input);
   }
@@ -100,6 +107,7 @@ class Run {
   const std::unique_ptr<TrainingEngine> engine_;
   RunState state_;
   std::vector<std::shared_ptr<const ViewPixels>> photographs_;
+  std::vector<std::uint32_t> groups_;  // of textures
   LearningRates rates_;
   int iteration_ = 0;
 };
@@ -137,6 +145,11 @@ void benchCuda(DifferentiableRenderer& renderer, GaussianModel model, const Cuda
   counts.gaussians = static_cast<double>(model.size());
   counts.texels = static_cast<double>(model.atlas.texels.size());
   counts.floats = static_cast<double>(bytesOf(model) / sizeof(float));
+  if (bench.dictionary > 0) {
+    const double once = counts.texels * std::min(1.0, bench.dictionary / counts.gaussians);
+    counts.floats -= 4 * (counts.texels - once);
+    counts.texels = once;
+  }
   counts.pixels = static_cast<double>(camera.size.x) * camera.size.y;
   counts.tiles = ((camera.size.x + 15) / 16) * ((camera.size.y + 15) / 16);
   counts.blended = bench.blended;

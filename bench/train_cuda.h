@@ -18,6 +18,7 @@ struct CudaBench {
   int iterations;
   bool statistics;  // as during densification
   bool measure_peak;
+  int dictionary;  // textures, all of one size, that Gaussians share in turns; 0: each has its own
 };
 // Trains `model` and prints the tables. Throws Error(device).
 void benchCuda(DifferentiableRenderer& renderer, GaussianModel model, const CudaBench& bench);

@@ -117,14 +117,20 @@ fi
 if ! part sanitizer; then
   :
 elif command -v compute-sanitizer >/dev/null; then
-  for tool in memcheck racecheck initcheck synccheck; do
-    if timeout 300 compute-sanitizer --tool $tool --error-exitcode 9 "$bin/tgtrain" "$scene" -o "$out/probe.tgz" \
-      --overwrite --device cuda --downscale 8 --iterations 24 --densify-from 4 --densify-every 5 --densify-until 20 \
-      --texture-iterations 6 >"$out/$tool.log" 2>&1; then
-      row "compute-sanitizer $tool" clean
+  # sanitize NAME TOOL LOG FLAG...: a row with what a tool says of a training.
+  sanitize() {
+    if timeout 300 compute-sanitizer --tool "$2" --error-exitcode 9 "$bin/tgtrain" "$scene" -o "$out/probe.tgz" \
+      --overwrite --device cuda --downscale 8 "${@:4}" >"$out/$3" 2>&1; then
+      row "compute-sanitizer $2, $1" clean
     else
-      row "compute-sanitizer $tool" "FAILED, see $tool.log"
+      row "compute-sanitizer $2, $1" "FAILED, see $3"
     fi
+  }
+  for tool in memcheck racecheck initcheck synccheck; do
+    sanitize "densification and textures" $tool $tool.log --iterations 24 --densify-from 4 --densify-every 5 \
+      --densify-until 20 --texture-iterations 6
+    sanitize "shared textures, clipped" $tool ${tool}_shared.log --iterations 4 --texture-iterations 8 \
+      --texture-outside clip --texture-dictionary 16
   done
 else
   row "compute-sanitizer" "not installed"
@@ -143,18 +149,24 @@ for size in $sizes; do
   for gaussians in 100000 500000 2000000; do
     setting="$size, $gaussians Gaussians"
     plain="" textured=""
-    for texels in 0 4; do
-      log="$out/speed_${size}_${gaussians}_$texels.log"
-      statistics=()
-      [ $texels = 4 ] && statistics=(--no-statistics)  # nothing densifies in stage 2
+    for textures in none 4x4 "4x4, 64 shared"; do
+      log="$out/speed_${size}_${gaussians}_${textures//[, ]/_}.log"
+      case $textures in
+        none) flags=() ;;
+        4x4) flags=(--texels 4 --no-statistics) ;;  # nothing densifies in stage 2
+        *) flags=(--texels 4 --dictionary 64 --no-statistics) ;;
+      esac
       if "$bin/train_bench" --device cuda --width "${size%x*}" --height "${size#*x}" --gaussians $gaussians \
-        --texels $texels --iterations "$iterations" "${statistics[@]}" >"$log" 2>&1; then
+        --iterations "$iterations" "${flags[@]}" >"$log" 2>&1; then
         speed=$(rate "$log")
-        if [ $texels = 0 ]; then plain=$speed; else textured=$speed; fi
-        row "$setting, textures ${texels}x$texels" "$speed it/s; $(grep '^device memory' "$log")"
-        { echo "== $setting, textures ${texels}x$texels"; cat "$log"; echo; } >>"$out/kernels.txt"
+        case $textures in
+          none) plain=$speed ;;
+          4x4) textured=$speed ;;
+        esac
+        row "$setting, textures $textures" "$speed it/s; $(grep '^device memory' "$log")"
+        { echo "== $setting, textures $textures"; cat "$log"; echo; } >>"$out/kernels.txt"
       else
-        row "$setting, textures ${texels}x$texels" "$(tail -1 "$log")"
+        row "$setting, textures $textures" "$(tail -1 "$log")"
       fi
     done
     if [ -n "$plain" ] && [ -n "$textured" ]; then
