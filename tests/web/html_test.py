@@ -64,7 +64,7 @@ def write_thin(folder):
     row = lambda scale: [(3 * i - 4.5, 0, 0, 1, 0.2 * i, -1, 3, *scale(s), *turn) for i, s in enumerate(THIN)]
     scenes = {"discs": row(lambda s: (math.log(0.8), math.log(0.6), s)), "needles": row(lambda s: (s, -0.2, s)),
               "wide": [(0, 0, 0, 1, 0, -1, 0, 45, -1, -2, *turn)],
-              # 5e5, 6e8, 7e11 and 2e19 px to the side: from small to beyond what the squares of a turned quad hold.
+              # 6e5, 6e8, 6e11 and 1e19 px to the side: from small to beyond what the squares of a turned quad hold.
               "walls": [(0, 0, i, 1 - i, 0, i - 1, 0, s, s - 2, -5, 1, 0, 0, 0) for i, s in enumerate((9, 16, 23, 40))]}
     for name, splats in scenes.items():
         head = "".join(f"property float {p}\n" for p in PLY)

@@ -65,7 +65,8 @@ bool turnedBox(vec3 mean_c, mat3 axes, vec3 r, vec4 box, out mat2 half_axes) {
   float difference = 0.5 * (h.x * h.x - h.y * h.y);
   float spread = sqrt(difference * difference + xy * xy);
   float middle = 0.5 * dot(h, h);
-  // Of quads that reach further than 1e7 px clipping loses whole columns, and from 4e9 px on the squares here overflow.
+  // Of quads that reach further than some 1e7 px clipping loses whole columns, and from 4e9 px on the squares here
+  // overflow: beyond 1e6 px the box, which is clipped, does.
   if (!(middle < 1e12) || spread < 0.1 * middle) return false;
   vec2 e = normalize(difference > 0.0 ? vec2(difference + spread, xy) : vec2(xy, spread - difference));
   // A pixel and a thousandth more: the smaller eigenvalue is a difference of large numbers.
