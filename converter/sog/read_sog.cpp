@@ -80,6 +80,9 @@ class SogReader {
     const std::size_t most = std::max(kMostPerNeededPixel * least, kPixelsAlwaysAllowed);
     const std::vector<std::uint8_t> bytes = files_(name, kMostBytesPerPixel * most);
     const WebpHeader header = readWebpHeader(bytes, where);
+    if (!header.lossless) {
+      throw Error(ErrorKind::badData, where, "wrong kind of image" + expectedFound("a lossless WebP", "a lossy one"));
+    }
     const std::size_t found = static_cast<std::size_t>(header.width) * static_cast<std::size_t>(header.height);
     if (found > most) throw Error(ErrorKind::badData, where, "too many pixels" + atMost(most, found));
     if (found < least) {

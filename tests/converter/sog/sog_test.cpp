@@ -70,6 +70,31 @@ struct SogParts {
   }
 };
 
+// One pixel each.
+const std::vector<std::uint8_t> kLossy = {0x52, 0x49, 0x46, 0x46, 0x22, 0x00, 0x00, 0x00, 0x57, 0x45, 0x42,
+                                          0x50, 0x56, 0x50, 0x38, 0x20, 0x16, 0x00, 0x00, 0x00, 0x30, 0x01,
+                                          0x00, 0x9d, 0x01, 0x2a, 0x01, 0x00, 0x01, 0x00, 0x0e, 0xc0, 0xfe,
+                                          0x25, 0xa4, 0x00, 0x03, 0x70, 0x00, 0x00, 0x00, 0x00};
+const std::vector<std::uint8_t> kLossyWithAlpha = {
+    0x52, 0x49, 0x46, 0x46, 0x4a, 0x00, 0x00, 0x00, 0x57, 0x45, 0x42, 0x50, 0x56, 0x50, 0x38, 0x58, 0x0a,
+    0x00, 0x00, 0x00, 0x10, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x41, 0x4c, 0x50, 0x48,
+    0x0c, 0x00, 0x00, 0x00, 0x11, 0x07, 0x10, 0x11, 0xfd, 0x0f, 0x44, 0x44, 0xff, 0x03, 0x00, 0x00, 0x56,
+    0x50, 0x38, 0x20, 0x18, 0x00, 0x00, 0x00, 0x14, 0x01, 0x00, 0x9d, 0x01, 0x2a, 0x01, 0x00, 0x01, 0x00,
+    0x00, 0x00, 0xfe, 0x00, 0x00, 0x0d, 0xc0, 0x00, 0xfe, 0xe6, 0xb5, 0x00, 0x00, 0x00};
+
+// A file as encodeWebp makes it, behind a chunk of features (VP8X) that says `alpha`.
+std::vector<std::uint8_t> extended(const std::vector<std::uint8_t>& webp, int width, int height, bool alpha) {
+  constexpr std::size_t kRiff = 12;
+  const auto last = [](int side) { return static_cast<std::uint8_t>(side - 1); };
+  std::vector<std::uint8_t> out(webp.begin(), webp.begin() + kRiff);
+  out.insert(out.end(), {'V', 'P', '8', 'X', 10, 0, 0, 0, static_cast<std::uint8_t>(alpha ? 0x10 : 0), 0, 0, 0,
+                         last(width), 0, 0, last(height), 0, 0});
+  out.insert(out.end(), webp.begin() + kRiff, webp.end());
+  const auto bytes = static_cast<std::uint32_t>(out.size() - 8);
+  for (int k = 0; k < 4; ++k) out[4 + static_cast<std::size_t>(k)] = static_cast<std::uint8_t>(bytes >> 8 * k);
+  return out;
+}
+
 }  // namespace
 
 TEST_CASE("SOG: another program's file is read as its specification says") {
@@ -163,6 +188,24 @@ TEST_CASE("SOG: an image takes no more memory than its Gaussians want") {
   const std::vector<std::uint8_t> large = encodeWebp(BytePixels(2100, 2000));
   CHECK(refusal("l.webp", large) == "a.sog: l.webp: too many pixels (expected at most 4194304, found 4200000)");
   CHECK(refusal("l.webp", encodeWebp(BytePixels(2000, 2000))) == "accepted");
+}
+
+TEST_CASE("SOG: lossy images are refused and lossless ones are read in every container") {
+  const Scratch scratch;
+  const auto answer = [&](const std::vector<std::uint8_t>& scales) {
+    SogParts parts;
+    parts.meta["count"] = 1;
+    parts.replaced = {{"scales.webp", scales}};
+    return test::messageOf([&] { parseSog(parts.bytes(scratch), "a.sog"); });
+  };
+  const std::string refused = "a.sog: scales.webp: wrong kind of image (expected a lossless WebP, found a lossy one)";
+  CHECK(answer(kLossy) == refused);
+  CHECK(answer(kLossyWithAlpha) == refused);
+  CHECK(answer(extended(kLossy, 1, 1, false)) == refused);
+  const std::vector<std::uint8_t> lossless = encodeWebp(BytePixels(2, 1));
+  CHECK(answer(lossless) == "accepted");
+  CHECK(answer(extended(lossless, 2, 1, false)) == "accepted");
+  CHECK(answer(extended(lossless, 2, 1, true)) == "accepted");
 }
 
 TEST_CASE("SOG: what is wrong in meta.json of a folder is told without naming it twice") {
