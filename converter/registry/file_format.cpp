@@ -3,12 +3,10 @@
 #include "converter/registry/file_format.h"
 
 #include <algorithm>
-#include <fstream>
 #include <map>
 #include <set>
 #include <system_error>
 
-#include "converter/formats/inflate.h"
 #include "converter/formats/read_compressed_ply.h"
 #include "converter/formats/read_ksplat.h"
 #include "converter/formats/repair.h"
@@ -29,7 +27,6 @@
 #include "core/bundle/read_progress.h"
 #include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
-#include "core/file/web_address.h"
 #include "core/model/fallback.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
@@ -41,23 +38,7 @@ namespace {
 
 using Path = std::filesystem::path;
 
-// Deflated, and without flags that are none: a .splat may begin with two such bytes.
-bool isGzip(const FileStart& start) {
-  return start.begins("\x1f\x8b\x08") && start.bytes.size() > 3 && (start.bytes[3] & 0xE0) == 0;
-}
 bool isSpz(const FileStart& start) { return start.begins("NGSP") || start.inside_gzip == "NGSP"; }
-bool isPly(const FileStart& start) { return start.begins("ply\n") || start.begins("ply\r"); }
-bool isPacked(const FileStart& start) { return start.holds("packed_position"); }
-
-bool isJson(const FileStart& start) {
-  const std::size_t first = start.bytes.find_first_not_of(" \t\r\n", start.begins("\xef\xbb\xbf") ? 3 : 0);
-  if (first == std::string::npos || start.bytes[first] != '{') return false;
-  // Numbers may begin with these bytes, too, but a text has no control characters (RFC 8259, section 7).
-  const auto is_control = [](char c) { return c >= 0 && c < ' ' && c != '\t' && c != '\r' && c != '\n'; };
-  if (std::ranges::any_of(start.bytes, is_control)) return false;
-  const std::size_t second = start.bytes.find_first_not_of(" \t\r\n", first + 1);
-  return second != std::string::npos && (start.bytes[second] == '"' || start.bytes[second] == '}');
-}
 
 Bundle bundleOf(GaussianModel model) {
   Bundle loaded;
@@ -167,12 +148,6 @@ void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& op
   warnClipped(written.warnings, report.clipped_texels, "texels");
 }
 
-// Keys may be sorted, and names of files fill the start.
-bool isLevels(const FileStart& start) {
-  const bool named = start.holds("\"filenames\"") && !start.holds("\"accessors\"");
-  return isJson(start) && (start.holds("\"lodLevels\"") || named);
-}
-
 // What many files of one scene say is said once, and not all where each says something else.
 void addEachOnce(const std::vector<std::string>& some, std::vector<std::string>& warnings) {
   constexpr std::size_t kMostTold = 5;
@@ -274,14 +249,14 @@ constexpr Format kFormats[] = {
      .spoken = "ply",
      .title = "PLY",
      .keeps = kKeepsSh | kKeepsFloats,
-     .sniff = [](const FileStart& start) { return isPly(start) && !isPacked(start); },
+     .sniff = [](const FileStart& start) { return isPly(start) && !isCompressedPly(start); },
      .read = readPly,
      .write = writePly},
     {.name = "compressed.ply",
      .spoken = "compressed ply",
      .title = "compressed PLY",
      .keeps = kKeepsSh,
-     .sniff = [](const FileStart& start) { return isPly(start) && isPacked(start); },
+     .sniff = isCompressedPly,
      .read = readPackedPly,
      .write = writePackedPly},
     {.name = "splat",
@@ -316,7 +291,7 @@ constexpr Format kFormats[] = {
      .spoken = "lod-meta.json",
      .title = "lod-meta.json",
      .keeps = kKeepsTextures | kKeepsCameras | kKeepsSh | kKeepsBackground,
-     .sniff = isLevels,
+     .sniff = [](const FileStart& start) { return start.json == JsonKind::levels; },
      .read = readLevels,
      .write = writeLevels,
      .overlooked = findBrokenLevels,
@@ -328,7 +303,7 @@ constexpr Format kFormats[] = {
      .spoken = "tileset.json",
      .title = "3D Tiles",
      .keeps = kKeepsSh,
-     .sniff = [](const FileStart& start) { return isJson(start) && start.holds("\"geometricError\""); },
+     .sniff = [](const FileStart& start) { return start.json == JsonKind::tileset; },
      .read = [](const Path& path, const ReadOptions& options) { return checked(readTiles(path, options), path); },
      .write = writeBaseTiles,
      .beside = bytesOfContent,
@@ -352,7 +327,7 @@ constexpr Format kFormats[] = {
     {.name = "gltf",
      .spoken = "gltf",
      .keeps = kKeepsAll,
-     .sniff = isJson,
+     .sniff = [](const FileStart& start) { return start.json == JsonKind::gltf; },
      .read = readAnyGltf,
      .write = writeGltfScene<writeGltf>,
      .check = checkGltf,
@@ -376,42 +351,6 @@ constexpr Format kFormats[] = {
      .has_steps = true},
     {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
 };
-
-// The first four bytes inside a gzip stream, or none when it is broken.
-std::string peekInsideGzip(const std::string& start) {
-  try {
-    const std::vector<std::uint8_t> first =
-        GzipBytes({reinterpret_cast<const std::uint8_t*>(start.data()), start.size()}, {}).take(4, {});
-    return {first.begin(), first.end()};
-  } catch (const Error&) {
-    return {};
-  }
-}
-
-FileStart readStart(const Path& path) {
-  constexpr std::size_t kSniffBytes = 1 << 16;  // the header of a compressed PLY, with comments
-  std::error_code status;
-  const std::filesystem::file_type type = std::filesystem::status(path, status).type();
-  if (type == std::filesystem::file_type::not_found) {
-    throw Error(ErrorKind::cannotRead, path.string(),
-                isWebAddress(path.string())
-                    ? "is an address (expected a file, so download it first; tgview opens a lod-meta.json at one)"
-                    : "no such file");
-  }
-  if (status) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + status.message());
-  if (std::filesystem::is_directory(path, status)) {
-    throw Error(ErrorKind::cannotRead, path.string(), "is a folder (expected a file)");
-  }
-  if (!isFile(path)) throw Error(ErrorKind::cannotRead, path.string(), "is no regular file");  // a pipe would block
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + systemReason());
-  FileStart start{std::string(kSniffBytes, '\0'), {}};
-  file.read(start.bytes.data(), static_cast<std::streamsize>(start.bytes.size()));
-  if (file.bad()) throw Error(ErrorKind::cannotRead, path.string(), "cannot be read");
-  start.bytes.resize(static_cast<std::size_t>(file.gcount()));
-  if (isGzip(start)) start.inside_gzip = peekInsideGzip(start.bytes);
-  return start;
-}
 
 // Of what is written; of models alone where `read_again`.
 const Format& formatByName(const Path& path, bool read_again) {
@@ -473,9 +412,9 @@ std::string listed(const std::vector<std::string>& names) {
 }
 
 const Format& detectFormat(const Path& path) {
-  const FileStart start = readStart(path);
+  const FileStart start = readFileStart(path);
   if (start.bytes.empty()) throw Error(ErrorKind::badData, path.string(), "the file is empty");
-  if (isJson(start) && start.holds("\"means\"") && start.holds("\"scales\"")) {
+  if (start.json == JsonKind::sog) {
     throw Error(ErrorKind::badData, path.string(),
                 "is the meta.json of an unbundled SOG (expected a .sog, a ZIP archive of it and its images)");
   }

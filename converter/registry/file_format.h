@@ -11,6 +11,7 @@
 
 #include "converter/formats/read_options.h"
 #include "converter/gltf/write_gltf.h"
+#include "converter/registry/file_start.h"
 #include "core/bundle/bundle.h"
 
 namespace tg {
@@ -20,15 +21,6 @@ namespace tg {
 struct Written : GltfReport {
   std::string texture_mode;  // of what was written
   std::vector<std::string> warnings;
-};
-
-// The start of a file, by which formats are told apart.
-struct FileStart {
-  std::string bytes;
-  std::string inside_gzip;  // the first four bytes inside a gzip stream; "" for other files and broken streams
-
-  bool begins(std::string_view magic) const { return bytes.starts_with(magic); }
-  bool holds(std::string_view text) const { return bytes.find(text) != std::string::npos; }
 };
 
 // What a file can hold.

@@ -43,6 +43,50 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
           "compressed.ply");
 }
 
+TEST_CASE("a PLY is compressed by a property of its header alone, however long that is") {
+  const Scratch scratch;
+  const auto format = [&](const std::string& lines) {
+    return detectFormat(scratch.write("a.ply", "ply\n" + lines)).name;
+  };
+  const std::string property = "property uint packed_position\n";
+  CHECK(format("comment made from packed_position data\nproperty float x\nend_header\n") == "ply");
+  CHECK(format("comment " + property + "property float x\nend_header\n") == "ply");
+  CHECK(format("property float packed_position_x\nend_header\n") == "ply");
+  CHECK(format("property float x\nend_header\n" + property) == "ply");
+  CHECK(format("element vertex 1\r\n  property  uint\tpacked_position\r\nend_header\r\n") == "compressed.ply");
+  std::string comments;
+  for (int i = 0; i < 1200; ++i) comments += "comment " + std::string(80, 'c') + "\n";
+  CHECK(format(comments + property + "end_header\n") == "compressed.ply");
+}
+
+TEST_CASE("what a JSON is follows from the keys of its outermost object, wherever they stand") {
+  const Scratch scratch;
+  const auto format = [&](const std::string& text) { return detectFormat(scratch.write("a.json", text)).name; };
+  for (const std::string key : {"lodLevels", "filenames", "geometricError", "means\": 1, \"scales"}) {
+    CAPTURE(key);
+    CHECK(format(R"({"asset": {"version": "2.0"}, "extras": {")" + key + R"(": 1}, "nodes": []})") == "gltf");
+    CHECK(format(R"({"extras": [{"\")" + key + R"(": 1}], "extensions": ")" + key + R"("})") == "gltf");
+  }
+  const std::string extras = R"("extras": {"accessors": [], "a": ")" + std::string(200'000, 'x') + "\"}";
+  CHECK(format("{" + extras + R"(, "geometricError": 1, "root": {}})") == "tileset.json");
+  CHECK(format("{" + extras + R"(, "lodLevels": 1})") == kLodMetaName);
+  CHECK(format(R"({"filenames": [], )" + extras + "}") == kLodMetaName);
+  CHECK(format(R"({"filenames": [], )" + extras + R"(, "meshes": []})") == "gltf");
+  CHECK(format("{" + extras + R"(, "scenes": [], "geometricError": 1})") == "gltf");
+  CHECK(format("{" + extras + R"(} "lodLevels": 1)") == "gltf");
+}
+
+TEST_CASE("of a JSON no more is read than says what it is, in pieces of any size") {
+  const std::string text = R"({"a\"": [{"b": "}"}], "lodLevels": 3, "filenames": []})";
+  for (std::size_t size = 1; size < text.size(); ++size) {
+    JsonKindReader reader;
+    std::size_t read = 0;
+    for (bool known = false; !known; read += size) known = reader.add(std::string_view(text).substr(read, size));
+    CHECK(reader.kind() == JsonKind::levels);
+    CHECK(read < text.find("lodLevels") + std::string_view("lodLevels\"").size() + size);
+  }
+}
+
 TEST_CASE("a name's case says nothing of its format") {
   const Scratch scratch;
   REQUIRE(detectFormat(scratch.write("a.SPLAT", std::string(32, '\1'))).name == "splat");
