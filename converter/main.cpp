@@ -95,7 +95,7 @@ class ProgressLine {
 
 int runBatch(const Arguments& arguments) {
   if (arguments.to.empty()) {
-    for (const char* name : {"lod-meta.json", "model.tgz"}) {  // levels of detail, a training's run
+    for (const char* name : {"lod-meta.json", "meta.json", "model.tgz"}) {  // levels of detail, a SOG, a run
       const std::filesystem::path inside = std::filesystem::path(arguments.input) / name;
       if (std::error_code ignored; !std::filesystem::exists(inside, ignored)) continue;
       throw tg::Error(tg::ErrorKind::usage, arguments.input,

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "converter/lod/lod_names.h"
-#include "converter/sog/sog.h"
+#include "converter/sog/folder.h"
 #include "core/bundle/camera_file.h"
 #include "core/bundle/ply.h"
 #include "core/file/file.h"
@@ -25,26 +25,9 @@ namespace {
 
 constexpr std::size_t kMaxFiles = 1'000'000;
 constexpr std::size_t kMaxChildren = 1'000'000;
-constexpr std::size_t kMaxName = 1024;
-
-// Parts of letters, digits, '_', '-' and '.', none of which begins with a dot, with '/' between them.
-bool staysInside(std::string_view name) {
-  if (name.empty() || name.size() > kMaxName) return false;
-  char before = '/';
-  for (const char c : name) {
-    if (before == '/' && (c == '/' || c == '.')) return false;
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
-    if (!plain && c != '_' && c != '-' && c != '.' && c != '/') return false;
-    before = c;
-  }
-  return before != '/';
-}
 
 std::string insideName(const JsonNode& node, const std::string& name) {
-  if (!staysInside(name)) {
-    node.fail("a file's name leaves the folder, or has other signs" +
-              expectedFound("letters, digits, _ - . and /", lod::quoted(name)));
-  }
+  if (!staysInside(name)) node.fail(leavesFolder(name));
   return name;
 }
 
@@ -228,16 +211,10 @@ Bundle readLodFile(const LodScene& scene, std::uint32_t file, const LodReader& r
   const std::string folder = meta.substr(0, meta.rfind('/') + 1);  // "" where there is none
   const std::string path = lod::besideMeta(scene.path, meta);
   const SogFiles files = [&](const std::string& name, std::uint64_t most) {
-    if (name == "meta.json") return reader(meta, most);
-    if (!staysInside(name)) {
-      throw Error(ErrorKind::badData, path,
-                  "a file's name leaves the folder, or has other signs" +
-                      expectedFound("letters, digits, _ - . and /", lod::quoted(name)));
-    }
-    return reader(folder + name, most);
+    return reader(name == kSogMetaName ? meta : folder + name, most);
   };
   const std::uint32_t named = scene.file_counts[file];
-  Bundle loaded = parseSogFiles(files, path, std::max<std::uint32_t>(named, 1), base_only);
+  Bundle loaded = parseSogFiles(filesInside(files, path), path, std::max<std::uint32_t>(named, 1), base_only);
   const GaussianModel& model = loaded.model;
   if (model.size() < named) {
     throw Error(ErrorKind::badData, path,

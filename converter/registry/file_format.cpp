@@ -21,6 +21,7 @@
 #include "converter/html/html.h"
 #include "converter/lod/lod_scene.h"
 #include "converter/lod/write_lod.h"
+#include "converter/sog/folder.h"
 #include "converter/sog/sog.h"
 #include "core/bundle/camera_file.h"
 #include "core/bundle/ply.h"
@@ -287,6 +288,15 @@ constexpr Format kFormats[] = {
      .has_base = true,
      .has_steps = true,
      .is_common = true},
+    {.name = kSogMetaName,
+     .spoken = "meta.json",
+     .keeps = kKeepsTextures | kKeepsSh,
+     .sniff = [](const FileStart& start) { return start.json == JsonKind::sog; },
+     .read = [](const Path& path, const ReadOptions& options) { return readSogFolder(path, options.base_only); },
+     .beside = bytesOfSogImages,
+     .names_others = true,  // a.meta.json of anything
+     .has_base = true,
+     .whole_name = true},
     {.name = kLodMetaName,
      .spoken = "lod-meta.json",
      .title = "lod-meta.json",
@@ -414,10 +424,6 @@ std::string listed(const std::vector<std::string>& names) {
 const Format& detectFormat(const Path& path) {
   const FileStart start = readFileStart(path);
   if (start.bytes.empty()) throw Error(ErrorKind::badData, path.string(), "the file is empty");
-  if (start.json == JsonKind::sog) {
-    throw Error(ErrorKind::badData, path.string(),
-                "is the meta.json of an unbundled SOG (expected a .sog, a ZIP archive of it and its images)");
-  }
   for (const Format& format : kFormats) {
     if (format.sniff && format.sniff(start)) return format;
   }

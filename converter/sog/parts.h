@@ -20,6 +20,11 @@ constexpr std::size_t kMaxPalette = 65536;
 constexpr std::size_t kPaletteColumns = 64;
 constexpr int kFirstLargest = 252;  // in a quaternion's fourth byte: 252 + which of w x y z is left out
 
+constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{16} << 20;
+// Gaussians in a file, or several, of so many bytes: positions alone take six bytes where they are no pattern.
+constexpr std::size_t kCountAlwaysAllowed = 1 << 20;
+constexpr std::size_t kMostPerByte = 4;
+
 // Positions are stored as this logarithm.
 inline double toLogarithm(double x) { return std::copysign(std::log1p(std::abs(x)), x); }
 inline double fromLogarithm(double x) { return std::copysign(std::expm1(std::abs(x)), x); }

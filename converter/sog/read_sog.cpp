@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SOG in.
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "converter/formats/repair.h"
@@ -22,9 +23,6 @@ namespace tg {
 namespace {
 
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{4} << 30;
-constexpr std::uint64_t kMaxMetaBytes = std::uint64_t{16} << 20;
-constexpr std::size_t kCountAlwaysAllowed = 1 << 20;
-constexpr std::size_t kMostPerByte = 4;  // Gaussians: positions alone take six bytes where they are no pattern
 constexpr std::size_t kMaxName = 255;
 // Of an image: some writers make it square, or its sides powers of two.
 constexpr std::size_t kMostPerNeededPixel = 4;
@@ -38,7 +36,7 @@ class SogReader {
       : path_(path),
         place_(std::move(place)),
         files_(std::move(files)),
-        json_(parseJson(files_("meta.json", kMaxMetaBytes), path)) {
+        json_(parseJson(files_("meta.json", sog::kMaxMetaBytes), path)) {
     const JsonNode meta = root().object();
     if (!meta.has("version")) meta.fail("has no version (SOG version 1 is not supported, expected version 2)");
     meta.integer("version", sog::kVersion, sog::kVersion);
@@ -49,19 +47,20 @@ class SogReader {
 
   Bundle read(bool base_only) {
     const JsonNode meta = root();
-    const JsonNode sh = meta.has("shN") ? meta.at("shN").object() : meta;
-    const int degree = meta.has("shN") ? static_cast<int>(sh.integer("bands", 0, 3)) : 0;
+    const auto has = [&](const char* key) { return meta.has(key) && !meta.member(key).is_null(); };
+    const JsonNode sh = has("shN") ? meta.at("shN").object() : meta;
+    const int degree = has("shN") ? static_cast<int>(sh.integer("bands", 0, 3)) : 0;
     readMeans(meta.at("means").object(), degree);
     readScales(meta.at("scales").object());
     readRotations(meta.at("quats").object());
     readColors(meta.at("sh0").object());
     if (degree > 0) readSh(sh);
-    if (meta.has("model") && meta.string("model") != "default") {
+    if (has("model") && meta.string("model") != "default") {
       loaded_.warnings.push_back("trained as \"" + meta.string("model") + "\", which the model has no word for");
-    } else if (meta.has("antialias") && meta.boolean("antialias")) {
+    } else if (has("antialias") && meta.boolean("antialias")) {
       loaded_.warnings.push_back("trained with antialiasing, which the model has no word for");
     }
-    if (!base_only && meta.has(sog::kTextures)) readTextures(meta.at(sog::kTextures).object());
+    if (!base_only && has(sog::kTextures)) readTextures(meta.at(sog::kTextures).object());
     checkModel(loaded_.model, path_);
     return std::move(loaded_);
   }
@@ -79,6 +78,10 @@ class SogReader {
     const std::string where = path_ + ": " + name;
     const std::size_t most = std::max(kMostPerNeededPixel * least, kPixelsAlwaysAllowed);
     const std::vector<std::uint8_t> bytes = files_(name, kMostBytesPerPixel * most);
+    constexpr std::array<std::uint8_t, 4> kPng = {0x89, 'P', 'N', 'G'};
+    if (bytes.size() >= kPng.size() && std::ranges::equal(kPng, std::span(bytes).first(kPng.size()))) {
+      throw Error(ErrorKind::badData, where, "wrong kind of image" + expectedFound("a lossless WebP", "a PNG"));
+    }
     const WebpHeader header = readWebpHeader(bytes, where);
     if (!header.lossless) {
       throw Error(ErrorKind::badData, where, "wrong kind of image" + expectedFound("a lossless WebP", "a lossy one"));
@@ -307,7 +310,7 @@ Bundle parseSog(std::span<const std::uint8_t> bytes, const std::string& path, bo
   const ZipReader zip(bytes, path);
   SogReader reader([&](const std::string& name, std::uint64_t most) { return zip.read(name, most); }, path,
                    "meta.json");
-  if (reader.count() > kCountAlwaysAllowed && reader.count() / kMostPerByte > bytes.size()) {
+  if (reader.count() > sog::kCountAlwaysAllowed && reader.count() / sog::kMostPerByte > bytes.size()) {
     throw Error(ErrorKind::badData, path,
                 "meta.json: too many Gaussians for a file of " + std::to_string(bytes.size()) + " bytes (found " +
                     std::to_string(reader.count()) + ")");

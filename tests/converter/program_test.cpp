@@ -679,12 +679,13 @@ TEST_CASE("options that do nothing for what is written or read are refused") {
         "tgconvert: --quantize does nothing here: it is only for .glb, .gltf or .html\n");
   CHECK(!std::filesystem::exists(scratch.folder() / "a.ply"));
   CHECK(tgconvert(scratch, "in.ply a.glb --base-only").err ==
-        "tgconvert: --base-only does nothing here: it is only for a .sog, lod-meta.json, tileset.json, .glb, .gltf or "
+        "tgconvert: --base-only does nothing here: it is only for a .sog, meta.json, lod-meta.json, tileset.json, "
+        ".glb, .gltf or "
         ".html that is read\n");
   std::istringstream words(tgconvert(scratch, "--help").out);
   std::string help;
   for (std::string word; words >> word;) help += word + " ";
-  CHECK_THAT(help, Contains("that know none, of .sog, lod-meta.json, tileset.json, .glb, .gltf or .html "));
+  CHECK_THAT(help, Contains("that know none, of .sog, meta.json, lod-meta.json, tileset.json, .glb, .gltf or .html "));
   CHECK(tgconvert(scratch, "in.ply a.html --atlas exr").err ==
         "tgconvert: --atlas: a page reads no EXR (expected png8, png16 or webp, found \"exr\")\n");
   // One format's files keep it in their names' ends.

@@ -67,7 +67,7 @@ TEST_CASE("the MIME types are valid, and those that the desktop entry names and 
 TEST_CASE("every format that is read has a MIME type of ours or a reason to have none") {
   const std::string text = contents("textured-gaussians.xml");
   // Of others' files, too, which have a type of their own and a program that opens them.
-  const std::set<std::string_view> others = {"ply", "compressed.ply", "lod-meta.json", "tileset.json",
+  const std::set<std::string_view> others = {"ply", "compressed.ply", "meta.json", "lod-meta.json", "tileset.json",
                                              "glb", "gltf",           "html"};
   for (const Format& format : formats()) {
     const std::string name(format.name);

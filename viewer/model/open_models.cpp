@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "converter/registry/file_format.h"
 #include "core/file/identity.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
@@ -30,6 +31,15 @@ bool isCameras(const std::filesystem::path& json) {
   }
 }
 
+// A tileset or a SOG, of whatever name: any other JSON begins as a glTF does.
+bool isModelInJson(const std::filesystem::path& json) {
+  try {
+    return detectFormat(json).whole_name;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 bool areForShown(const ViewerState& state, const CamerasOfModels& cameras) {
   return !state.scene.partial && std::ranges::any_of(cameras.models, [&](const auto& model) {
     const int document = documentOf(state, model);
@@ -46,7 +56,7 @@ bool areForAnOpenOne(const ViewerState& state, const CamerasOfModels& cameras) {
 std::vector<std::filesystem::path> takeCameraFiles(ViewerState& state) {
   std::vector<std::filesystem::path>& requests = state.documents.open_requests;
   const auto first = std::stable_partition(requests.begin(), requests.end(), [](const auto& path) {
-    return lowerExtension(path) != ".json" || isLodMeta(path);
+    return lowerExtension(path) != ".json" || isLodMeta(path) || isModelInJson(path);
   });
   const std::vector<std::filesystem::path> models(requests.begin(), first);
   std::vector<std::filesystem::path> due;

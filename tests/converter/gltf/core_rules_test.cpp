@@ -388,11 +388,3 @@ TEST_CASE("messages stay short however long what they quote is") {
       refusal(scratch.write("c.gltf", root("buffers") + "[{\"byteLength\": 4, \"uri\": \"" + token + "\"}]}")).size() <
       4000);
 }
-
-TEST_CASE("the meta.json of an unbundled SOG is called that") {
-  const Scratch scratch;
-  const auto path = scratch.write(
-      "meta.json",
-      R"({"version":2,"asset":{"generator":"x"},"count":1,"means":{"mins":[0]},"scales":{"codebook":[0]}})");
-  CHECK(refusal(path) == "is the meta.json of an unbundled SOG (expected a .sog, a ZIP archive of it and its images)");
-}

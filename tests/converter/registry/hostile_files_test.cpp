@@ -9,6 +9,7 @@
 #include "converter/html/html.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
+#include "converter/sog/folder.h"
 #include "converter/splat_files.h"
 #include "core/bundle/bundle.h"
 #include "core/system/error.h"
@@ -54,6 +55,11 @@ std::vector<HostileFile> goodFiles(const Scratch& scratch) {
   add("open.gltf");
   REQUIRE(files.back().bytes.ends_with("}\n"));
   files.back().bytes.pop_back();
+  for (const ZipEntry& entry : sogFiles(bundle.model, "meta.json")) {
+    const std::string bytes(entry.bytes.begin(), entry.bytes.end());
+    scratch.write(entry.name, bytes);
+    if (entry.name == kSogMetaName) files.push_back({entry.name, bytes});
+  }
   add("lod-meta.json");
   add("tileset.json");
   REQUIRE(files.back().bytes.ends_with("}\n"));

@@ -10,10 +10,13 @@
 
 #include "converter/check.h"
 #include "converter/edit/quality.h"
+#include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
+#include "converter/sog/folder.h"
 #include "converter/sog/zip.h"
 #include "core/file/file.h"
+#include "core/image/image.h"
 #include "core/image/webp.h"
 #include "core/model/equivalent_axes.h"
 #include "core/model/fallback.h"
@@ -190,7 +193,7 @@ TEST_CASE("SOG: an image takes no more memory than its Gaussians want") {
   CHECK(refusal("l.webp", encodeWebp(BytePixels(2000, 2000))) == "accepted");
 }
 
-TEST_CASE("SOG: lossy images are refused and lossless ones are read in every container") {
+TEST_CASE("SOG: lossy images and PNG are refused and lossless WebP is read in every container") {
   const Scratch scratch;
   const auto answer = [&](const std::vector<std::uint8_t>& scales) {
     SogParts parts;
@@ -202,6 +205,8 @@ TEST_CASE("SOG: lossy images are refused and lossless ones are read in every con
   CHECK(answer(kLossy) == refused);
   CHECK(answer(kLossyWithAlpha) == refused);
   CHECK(answer(extended(kLossy, 1, 1, false)) == refused);
+  CHECK(answer(encodePng(Image(1, 1, 4))) ==
+        "a.sog: scales.webp: wrong kind of image (expected a lossless WebP, found a PNG)");
   const std::vector<std::uint8_t> lossless = encodeWebp(BytePixels(2, 1));
   CHECK(answer(lossless) == "accepted");
   CHECK(answer(extended(lossless, 2, 1, false)) == "accepted");
@@ -215,6 +220,58 @@ TEST_CASE("SOG: what is wrong in meta.json of a folder is told without naming it
   };
   CHECK(test::messageOf([&] { parseSogFiles(files, "lod/0/0_0/meta.json", 10); }) ==
         "lod/0/0_0/meta.json: /means: wrong type (expected an object, found 7)");
+}
+
+TEST_CASE("SOG: what meta.json may leave out may be null") {
+  const Scratch scratch;
+  SogParts parts;
+  parts.meta["model"] = parts.meta["antialias"] = parts.meta["shN"] = nullptr;
+  const Bundle loaded = parseSog(parts.bytes(scratch), "a.sog");
+  CHECK(loaded.warnings.empty());
+  CHECK(loaded.model.sh_degree == 0);
+}
+
+TEST_CASE("SOG: files that are not bundled are the model of the bundled ones") {
+  const Scratch scratch;
+  const GaussianModel model = test::makeScene(test::SceneKind::ordinary, 18, 30).model;
+  const auto meta = scratch.folder() / "a.json", bundled = scratch.folder() / "a.sog";
+  std::filesystem::create_directory(scratch.folder() / "images");
+  std::uint64_t bytes = 0;
+  std::string text;
+  for (const ZipEntry& entry : sogFiles(model, "a.sog")) {
+    const std::string content(entry.bytes.begin(), entry.bytes.end());
+    if (entry.name == kSogMetaName) text = content;
+    if (entry.name != kSogMetaName) scratch.write("images/" + entry.name, content);
+    bytes += content.size();
+  }
+  nlohmann::json json = nlohmann::json::parse(text);
+  for (nlohmann::json& part : json) {
+    if (!part.is_object() || !part.contains("files")) continue;
+    for (nlohmann::json& file : part["files"]) file = "images/" + file.get<std::string>();
+  }
+  const auto store = [&] { scratch.write("a.json", json.dump()); };
+  store();
+  writeSog(bundled, model);
+  const Format& format = detectFormat(meta);
+  CHECK(format.name == kSogMetaName);
+  CHECK(storedBytes(format, meta) == bytes - text.size() + json.dump().size());
+  CHECK(readModel(meta).model.size() == model.size());
+  CHECK(readModel(meta).model.texture_mode == model.texture_mode);
+  CHECK(readModel(meta, {.base_only = true}).model.texture_mode == TextureMode::none);
+  CHECK(checkFile(meta).errors.empty());
+  const auto refusal = [&] { return test::messageOf([&] { readModel(meta); }).substr(meta.string().size()); };
+  const nlohmann::json whole = json;
+  for (const std::string name : {"../a.webp", "/a.webp", "images/../a.webp", ".a.webp", "images//a.webp"}) {
+    json["sh0"]["files"][0] = name;
+    store();
+    CHECK(refusal() ==
+          ": a file's name leaves the folder, or has other signs (expected letters, digits, _ - . and /, found \"" +
+              name + "\")");
+  }
+  json = whole;
+  json["count"] = (1 << 20) + 1;
+  store();
+  CHECK(refusal().starts_with(": too many Gaussians (expected at most 1048576, found 1048577)"));
 }
 
 TEST_CASE("SOG: a codebook of 256 values that lacks its first has one step before the others") {

@@ -744,6 +744,20 @@ TEST_CASE("cameras that are dropped together with a model are the new model's, n
   CHECK(state.documents.camera_files.empty());
 }
 
+TEST_CASE("of JSON files that are dropped a tileset and the meta.json of a SOG are models whatever their names") {
+  const TemporaryFolder folder;
+  using Files = std::vector<std::filesystem::path>;
+  const Files models = {folder / "meta.json", folder / "tiles.json", folder / "lod-meta.json"};
+  std::ofstream(models[0]) << R"({"version": 2, "means": {}, "scales": {}})";
+  std::ofstream(models[1]) << R"({"asset": {"version": "1.1"}, "geometricError": 1})";
+  const std::filesystem::path cameras = folder / "cameras.json";
+  std::ofstream(cameras) << "[]";
+  ViewerState state;
+  state.documents.open_requests = {models[0], models[1], cameras, models[2]};
+  CHECK(takeCameraFiles(state).empty());  // they wait for the models
+  CHECK(state.documents.open_requests == models);
+}
+
 TEST_CASE("what cannot be read is an error at the start, and a message later") {
   const TemporaryFolder folder;
   std::ofstream(folder / "broken.tgz") << "no archive";
