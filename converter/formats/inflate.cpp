@@ -29,6 +29,19 @@ struct GzipBytes::State {
 
   ~State() { inflateEnd(&stream); }
 
+  // Another member may follow (RFC 1952, section 2.2), and nothing else.
+  void endMember() {
+    left = {stream.next_in, stream.avail_in + left.size()};
+    stream.avail_in = 0;
+    finished = left.empty();
+    if (finished) return;
+    if (left.size() < 2 || left[0] != 0x1f || left[1] != 0x8b) {
+      throw Error(ErrorKind::badData, path,
+                  std::to_string(left.size()) + " bytes follow the gzip stream (expected none)");
+    }
+    inflateReset(&stream);
+  }
+
   // Fills as much of `out` as the stream has.
   std::size_t read(std::uint8_t* out, std::size_t size) {
     stream.next_out = out;
@@ -43,7 +56,7 @@ struct GzipBytes::State {
       }
       const int result = inflate(&stream, Z_NO_FLUSH);
       if (result == Z_STREAM_END) {
-        finished = true;
+        endMember();
       } else if (result != Z_OK) {
         throw Error(ErrorKind::badData, path,
                     std::string("broken gzip stream: ") + (stream.msg ? stream.msg : "unexpected data"));

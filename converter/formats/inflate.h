@@ -9,7 +9,8 @@
 
 namespace tg {
 
-// A gzip stream (deflate cannot deliver more than 1032 times its size).
+// A gzip stream of one member or several (deflate cannot deliver more than 1032 times its size). Reading behind the
+// last one's end throws Error(badData) where other bytes follow it.
 class GzipBytes {
  public:
   // `bytes` must outlive this; `path` starts the messages.

@@ -141,6 +141,23 @@ TEST_CASE("SPZ: every coefficient of SH turns as the functions do") {
   }
 }
 
+TEST_CASE("SPZ in several gzip members is read as in one, and nothing else may follow them") {
+  const std::string whole = SpzParts(3).whole();
+  const GaussianModel model = spz(gzipped(whole)).model;
+  for (std::size_t cut = 0; cut <= whole.size(); ++cut) {
+    CAPTURE(cut);
+    CHECK(spz(gzipped(whole.substr(0, cut)) + gzipped("") + gzipped(whole.substr(cut))).model == model);
+  }
+  const auto refusal = [](const std::string& bytes) { return messageOf([&] { spz(bytes); }); };
+  const std::string packed = gzipped(whole);
+  CHECK(refusal(packed + "junk") == "a.spz: 4 bytes follow the gzip stream (expected none)");
+  CHECK(refusal(packed + "\x1f") == "a.spz: 1 bytes follow the gzip stream (expected none)");
+  CHECK_THAT(refusal(packed + "\x1f\x8b" + "junk"), Contains("a.spz: broken gzip stream: "));
+  CHECK(refusal(packed + packed.substr(0, 12)) == "a.spz: gzip stream ends early");
+  CHECK(refusal(packed + gzipped("more")) == "a.spz: SPZ: 4 bytes follow the splats (expected none)");
+  CHECK(refusal(packed + gzipped(std::string(100 << 20, '\0'))).starts_with("a.spz: too many bytes after the splats"));
+}
+
 TEST_CASE("SPZ without gzip around it is read, as some tools write it") {
   CHECK(spz(SpzParts(2).whole()).model.size() == 2);
 }
