@@ -65,7 +65,7 @@ class KsplatParser {
     std::uint64_t splats = 0;
     for (std::size_t s = 0; s < sections_.size(); ++s) {
       sections_[s] = readSection(s, at);
-      sh_degree = std::max(sh_degree, sections_[s].sh_degree);
+      if (sections_[s].splats > 0) sh_degree = std::max(sh_degree, sections_[s].sh_degree);
       splats += sections_[s].splats;
     }
     if (splats != splats_) fail("the sections hold another number of splats" + expectedFound(splats_, splats));
@@ -144,6 +144,7 @@ class KsplatParser {
       fail(name + "full and other buckets are not all" +
            expectedFound(buckets, section.full_buckets + section.partial_buckets));
     }
+    if (buckets == 0) return;  // of no splats, as checkLengths() will have it
     if (bucket_bytes != kKsplatBucketBytes) {
       fail(name + "wrong size of a bucket" + expectedFound(kKsplatBucketBytes, bucket_bytes));
     }

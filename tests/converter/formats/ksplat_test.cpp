@@ -90,6 +90,25 @@ TEST_CASE(".ksplat: what has no logarithm or is not finite is repaired or droppe
   CHECK(refused(parts) == "a.ksplat: no splat is left: none had finite values");
 }
 
+TEST_CASE(".ksplat: sections without splats say nothing, those of room for more sections and others") {
+  for (const int level : {0, 1, 2}) {
+    CAPTURE(level);
+    const KsplatParts parts{.level = level, .degree = 1};
+    const GaussianModel model = parse(parts.whole()).model;
+    for (const std::uint16_t degree : {0, 2}) {
+      std::string more = patched(parts, 4, std::uint32_t{4});
+      std::string empty(1024, '\0');
+      std::memcpy(empty.data() + 40, &degree, sizeof(degree));
+      more.insert(kSecond, empty).insert(kSecond + 2 * 1024, empty);
+      CHECK(refused(more) == "accepted");
+      CHECK(parse(more).model == model);
+      const std::uint32_t one = 1;
+      std::memcpy(more.data() + kSecond + 4, &one, sizeof(one));
+      CHECK(refused(more) != "accepted");
+    }
+  }
+}
+
 TEST_CASE(".ksplat: headers that lie are refused by name before memory is taken") {
   const KsplatParts good{.level = 1, .degree = 1};
   const std::size_t size = good.whole().size();
