@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -16,6 +17,7 @@
 #include "converter/gltf/resolve.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
+#include "core/system/error.h"
 #include "core/system/lower_case.h"
 
 namespace tg {
@@ -30,6 +32,23 @@ struct PlacedTile {
   std::optional<JsonNode> refused = std::nullopt;  // the first transform, its own or above, that splats cannot follow
   std::string wrong = {};                          // with it
 };
+
+constexpr std::string_view kContentGltf = "3DTILES_content_gltf";  // content may be glTF, in version 1.0, too
+
+void requireKnown(const JsonNode& root) {
+  const JsonNode asset = root.at("asset").object(), version = asset.at("version");
+  const std::string name = version.string();
+  if (name != "1.0" && name != "1.1") {
+    version.fail("another version of 3D Tiles" + expectedFound("1.0 or 1.1", version.shown()));
+  }
+  if (!root.has("extensionsRequired")) return;
+  const JsonNode required = root.at("extensionsRequired").array();
+  for (std::size_t i = 0; i < required.size(); ++i) {
+    const JsonNode extension = required.element(i);
+    if (extension.string() == kContentGltf) continue;
+    extension.fail("an extension that is not supported" + expectedFound(std::string(kContentGltf), extension.shown()));
+  }
+}
 
 glm::dmat4 transformOf(const JsonNode& tile) {
   glm::dmat4 m(1.0);
@@ -62,6 +81,7 @@ glm::dmat4 sceneFromContent(const glm::dmat4& transform) {
 TileContent parseTileset(std::span<const std::uint8_t> text, const std::string& path) {
   const nlohmann::json parsed = parseJson(text, path);
   const JsonNode root = JsonNode{parsed, path, "/"}.object();
+  requireKnown(root);
   std::vector<PlacedTile> tiles = {{root.at("root").object(), glm::dmat4(1.0)}};
   std::optional<TileContent> found;
   std::size_t contents = 0;

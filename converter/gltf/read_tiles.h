@@ -19,8 +19,9 @@ struct TileContent {
   bool on_globe = false;
 };
 
-// `path` starts the messages. Throws Error(badData), also for a tileset of more or fewer contents than one, of implicit
-// tiles, and for content that is no file beside it.
+// `path` starts the messages. Throws Error(badData), also for a tileset of another version than 1.0 and 1.1, with other
+// extensions required than 3DTILES_content_gltf, of more or fewer contents than one, of implicit tiles, and for content
+// that is no file beside it.
 TileContent parseTileset(std::span<const std::uint8_t> text, const std::string& path);
 
 // The file of its content. Throws as parseTileset().

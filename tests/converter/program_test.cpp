@@ -416,8 +416,9 @@ TEST_CASE("a folder with a tileset and its content holds one model") {
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 10, 3.0, 45));
   REQUIRE(tgconvert(scratch, "in.ply t/tileset.json").code == 0);
   REQUIRE(tgconvert(scratch, "in.ply t/near.tileset.json").code == 0);
-  scratch.write("t/far.tileset.json", R"({"geometricError": 1, "root": {"contents": [{"uri": "content.glb"},)"
-                                      R"( {"uri": "near.content.glb"}]}})");
+  scratch.write("t/far.tileset.json",
+                R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": {"contents": [{"uri": "content.glb"},)"
+                R"( {"uri": "near.content.glb"}]}})");
   std::filesystem::remove(scratch.folder() / "t/near.content.glb");
   const Result result = tgconvert(scratch, "t out --to ply");
   CHECK(result.code == 0);
@@ -430,7 +431,8 @@ TEST_CASE("a tileset of textured content is read with its textures and with its 
   const Scratch scratch;
   const test::TestScene scene = test::makeScene(test::SceneKind::ordinary, 8, 20);
   writeGlb(scratch.folder() / "content.glb", {scene.model, {}, glm::vec3(0.0f), {}});
-  scratch.write("tileset.json", R"({"geometricError": 1, "root": {"content": {"uri": "content.glb"}}})");
+  scratch.write("tileset.json",
+                R"({"asset": {"version": "1.0"}, "geometricError": 1, "root": {"content": {"uri": "content.glb"}}})");
   CHECK(tgconvert(scratch, "tileset.json all.tgz --no-psnr").code == 0);
   CHECK(tgconvert(scratch, "tileset.json base.tgz --no-psnr --base-only").code == 0);
   CHECK(isTextured(readModel(scratch.folder() / "all.tgz").model));

@@ -173,7 +173,7 @@ TEST_CASE("content of a tile stands where the transforms of the tiles above it p
 
 TEST_CASE("tilesets that are not read say why") {
   const auto told = [](const std::string& root) {
-    const std::string text = R"({"geometricError": 1, "root": )" + root + "}";
+    const std::string text = R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": )" + root + "}";
     const std::span bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
     return test::messageOf([&] { (void)parseTileset(bytes, "a/tileset.json"); });
   };
@@ -198,10 +198,32 @@ TEST_CASE("tilesets that are not read say why") {
   CHECK_THAT(told(R"({"transform": [1, 2], "content": {"uri": "a.glb"}})"), Contains("transform"));
 }
 
+TEST_CASE("tilesets of versions 1.0 and 1.1 are read and of what they require the extension for glTF") {
+  const auto told = [](const std::string& start) {
+    const std::string text = "{" + start + R"("geometricError": 1, "root": {"content": {"uri": "a.glb"}}})";
+    const std::span bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
+    return test::messageOf([&] { (void)parseTileset(bytes, "a/tileset.json"); });
+  };
+  const std::string asset = R"("asset": {"version": "1.1"}, )";
+  CHECK(told(asset) == "accepted");
+  CHECK(told(R"("asset": {"version": "1.0"}, )") == "accepted");
+  CHECK(told("") == "a/tileset.json: /: \"asset\" is missing");
+  CHECK(told(R"("asset": {}, )") == "a/tileset.json: /asset: \"version\" is missing");
+  CHECK(told(R"("asset": {"version": "2.0"}, )") ==
+        "a/tileset.json: /asset/version: another version of 3D Tiles (expected 1.0 or 1.1, found \"2.0\")");
+  CHECK_THAT(told(R"("asset": {"version": 1.1}, )"), Contains("/asset/version: wrong type (expected a string"));
+  CHECK(told(asset + R"("extensionsUsed": ["EXT_a"], "extensionsRequired": [], )") == "accepted");
+  CHECK(told(asset + R"("extensionsRequired": ["3DTILES_content_gltf"], )") == "accepted");
+  CHECK(told(asset + R"("extensionsRequired": ["3DTILES_content_gltf", "EXT_a"], )") ==
+        "a/tileset.json: /extensionsRequired/1: an extension that is not supported "
+        "(expected 3DTILES_content_gltf, found \"EXT_a\")");
+  CHECK_THAT(told(asset + R"("extensionsRequired": {}, )"), Contains("/extensionsRequired: wrong type"));
+}
+
 TEST_CASE("a tileset whose content is a pipe is refused, not waited for") {
   const Scratch scratch;
-  const fs::path tileset =
-      scratch.write("tileset.json", R"({"geometricError": 1, "root": {"content": {"uri": "a.glb"}}})");
+  const fs::path tileset = scratch.write(
+      "tileset.json", R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": {"content": {"uri": "a.glb"}}})");
   REQUIRE(::mkfifo((scratch.folder() / "a.glb").c_str(), 0600) == 0);
   CHECK(test::messageOf([&] { (void)readTiles(tileset, {}); }, ErrorKind::cannotRead) ==
         (scratch.folder() / "a.glb").string() + ": is no regular file");
