@@ -227,7 +227,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     report.gaussians = blocks.size();
     report.sh_degree = blocks.shDegree();
     if (options.texture_step) report.warnings.emplace_back(kIdleTextureStep);
-    if (file->rows().trailing() != 0) report.warnings.push_back(trailingWarning(file->rows().trailing()));
+    file->rows().warn(report.warnings);
     write_options.gaussians = &blocks;
     try {
       Bundle beside;

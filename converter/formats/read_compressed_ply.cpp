@@ -11,6 +11,7 @@
 #include "converter/formats/repair.h"
 #include "core/bundle/ply.h"
 #include "core/bundle/ply_vertices.h"
+#include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -88,7 +89,7 @@ float shFromByte(float byte) {
 }  // namespace
 
 GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std::string& path,
-                                 std::uint64_t* trailing) {
+                                 std::vector<std::string>* warnings) {
   const PlyVertices splats(bytes, path, "Gaussian");
   const PlyVertices chunks(bytes, path, "chunk", "chunk");
   const int position = splats.requireWord("packed_position"), rotation = splats.requireWord("packed_rotation");
@@ -109,7 +110,11 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
     }
     sh_degree = sh->shDegree(1);
   }
-  if (trailing != nullptr) *trailing = sh ? sh->trailing() : splats.trailing();
+  if (warnings != nullptr) {
+    if (const std::uint64_t trailing = sh ? sh->trailing() : splats.trailing(); trailing != 0)
+      warnings->push_back(trailingWarning(trailing));
+    if (splats.antialiased()) warnings->emplace_back(kAntialiasedWarning);
+  }
   GaussianModel model;
   resizeGaussians(model, n, sh_degree);
   const std::size_t sh_count = model.shCount();
@@ -144,8 +149,8 @@ GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std:
   return model;
 }
 
-GaussianModel readCompressedPly(const std::filesystem::path& path, std::uint64_t* trailing) {
-  return parseCompressedPly(readFile(path, kMaxCompressedPlyBytes), path.string(), trailing);
+GaussianModel readCompressedPly(const std::filesystem::path& path, std::vector<std::string>* warnings) {
+  return parseCompressedPly(readFile(path, kMaxCompressedPlyBytes), path.string(), warnings);
 }
 
 }  // namespace tg

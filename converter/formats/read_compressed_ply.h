@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "core/model/model.h"
 
@@ -16,8 +17,9 @@ constexpr std::size_t kCompressedPlyChunk = 256;  // Gaussians
 constexpr float kCompressedPlyShRange = 8.0f;     // the bytes of SH span [-4, 4]
 
 // SH degree 0-3, with or without bounds of colours. Throws Error(cannotRead / badData).
-GaussianModel readCompressedPly(const std::filesystem::path& path, std::uint64_t* trailing = nullptr);
+// `warnings`, of what is left out, may be null.
+GaussianModel readCompressedPly(const std::filesystem::path& path, std::vector<std::string>* warnings = nullptr);
 GaussianModel parseCompressedPly(std::span<const std::uint8_t> bytes, const std::string& path,
-                                 std::uint64_t* trailing = nullptr);
+                                 std::vector<std::string>* warnings = nullptr);
 
 }  // namespace tg

@@ -17,6 +17,7 @@
 #include "converter/formats/little_endian.h"
 #include "converter/formats/repair.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
 #include "core/system/assert.h"
@@ -238,7 +239,7 @@ Bundle finish(const SpzHeader& header, const Streams& streams, std::span<const s
   if (signs != kModelFromRub) loaded.axes = signs;
   if (header.sh_degree > kMaxModelDegree) loaded.warnings.push_back("SH of degree 4 is left out");
   if ((header.flags & kSpzAntialiased) != 0) {
-    loaded.warnings.push_back("trained with antialiasing, which the model has no word for");
+    loaded.warnings.emplace_back(kAntialiasedWarning);
   }
   if (extensions.others) loaded.warnings.push_back("vendor extensions are left out");
   checkModel(loaded.model, path);

@@ -62,15 +62,14 @@ Bundle readPly(const Path& path, const ReadOptions& options) {
   bool broken = false;
   Bundle loaded = bundleOf(readSplatPly(path, options.progress, &broken));
   if (broken) mendSplats(loaded.model, path.string(), loaded.warnings);
-  if (const std::uint64_t bytes = SplatPlyFile(path).rows().trailing())
-    loaded.warnings.push_back(trailingWarning(bytes));
+  SplatPlyFile(path).rows().warn(loaded.warnings);
   return loaded;
 }
 
 Bundle readPackedPly(const Path& path, const ReadOptions&) {
-  std::uint64_t bytes = 0;
-  Bundle loaded = bundleOf(readCompressedPly(path, &bytes));
-  if (bytes != 0) loaded.warnings.push_back(trailingWarning(bytes));
+  std::vector<std::string> warnings;
+  Bundle loaded = bundleOf(readCompressedPly(path, &warnings));
+  loaded.warnings = std::move(warnings);
   return loaded;
 }
 

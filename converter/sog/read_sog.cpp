@@ -10,6 +10,7 @@
 #include "converter/sog/sog.h"
 #include "converter/sog/zip.h"
 #include "core/bundle/ply.h"
+#include "core/bundle/splat_rows.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/image/webp.h"
@@ -58,7 +59,7 @@ class SogReader {
     if (has("model") && meta.string("model") != "default") {
       loaded_.warnings.push_back("trained as \"" + meta.string("model") + "\", which the model has no word for");
     } else if (has("antialias") && meta.boolean("antialias")) {
-      loaded_.warnings.push_back("trained with antialiasing, which the model has no word for");
+      loaded_.warnings.emplace_back(kAntialiasedWarning);
     }
     if (!base_only && has(sog::kTextures)) readTextures(meta.at(sog::kTextures).object());
     checkModel(loaded_.model, path_);

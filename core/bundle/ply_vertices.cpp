@@ -178,6 +178,13 @@ void PlyVertices::parseProperty(std::string_view line, Element& element) const {
   element.stride += type->bytes;
 }
 
+// Brush has "SplatRenderMode: default", "mip" or "2dgs", Postshot "antialiased 0" or "1".
+void PlyVertices::parseComment(std::string_view line) {
+  const std::string_view key = nextWord(line), value = nextWord(line);
+  if (key == "SplatRenderMode:") antialiased_ = value == "mip";
+  if (key == "antialiased") antialiased_ = value == "1";
+}
+
 void PlyVertices::parseHeader(std::vector<Element>& elements) {
   std::string_view text(reinterpret_cast<const char*>(body_.data()), std::min(body_.size(), kMaxPlyHeaderBytes));
   bool has_format = false;
@@ -218,7 +225,9 @@ void PlyVertices::parseHeader(std::vector<Element>& elements) {
       parseProperty(line, elements.back());
     } else if (keyword == "end_header") {
       break;
-    } else if (keyword != "comment" && keyword != "obj_info" && !keyword.empty()) {
+    } else if (keyword == "comment") {
+      parseComment(line);
+    } else if (keyword != "obj_info" && !keyword.empty()) {
       fail("PLY header: unknown keyword " + shownWord(keyword));
     }
   }

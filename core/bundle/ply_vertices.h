@@ -37,6 +37,7 @@ class PlyVertices {
   int require(std::string_view name) const;      // throws Error(badData) naming it
   int shDegree(int lowest = 0) const;            // of the properties f_rest_*; throws Error(badData)
   bool hasElement(std::string_view name) const;  // anywhere in the file
+  bool antialiased() const { return antialiased_; }  // trained so, as the last comment says that speaks of it
   [[noreturn]] void fail(const std::string& what) const;
 
   // Rows are binary, little endian, and the properties are float32.
@@ -68,6 +69,7 @@ class PlyVertices {
   };
 
   void parseHeader(std::vector<Element>& elements);
+  void parseComment(std::string_view line);
   void parseProperty(std::string_view line, Element& element) const;
   void locateVertices(const std::vector<Element>& elements, std::string_view element);
   void readAscii(std::span<const int> indices, const Visit& visit, bool must_be_finite,
@@ -87,6 +89,7 @@ class PlyVertices {
   std::size_t count_ = 0;
   std::size_t stride_ = 0;
   bool last_element_ = false;
+  bool antialiased_ = false;
   std::uint64_t trailing_ = 0;
   std::uint64_t tokens_before_ = 0;  // ASCII values of elements before the vertices
   std::vector<PlyProperty> properties_;

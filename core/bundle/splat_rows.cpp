@@ -121,6 +121,11 @@ void SplatRows::set(GaussianModel& model, std::size_t i, const Values& v) const 
   if (filter_ > 0 && v(filter_) != 0) applyFilter(model, i, v(filter_));
 }
 
+void SplatRows::warn(std::vector<std::string>& warnings) const {
+  if (trailing() != 0) warnings.push_back(trailingWarning(trailing()));
+  if (vertices_.antialiased()) warnings.emplace_back(kAntialiasedWarning);
+}
+
 bool SplatRows::convert(const std::uint8_t* bytes, std::size_t first, std::size_t last, GaussianModel& model) const {
   TG_ASSERT(plain_, "only rows of plain floats are converted unchecked");
   TG_ASSERT(first <= last && last <= model.size(), "the model has room for the rows");

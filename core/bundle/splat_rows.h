@@ -31,6 +31,7 @@ class SplatRows {
   std::uint64_t firstRow() const { return vertices_.firstRow(); }  // [bytes] from the start of a binary file
   std::size_t stride() const { return vertices_.stride(); }        // [bytes] of a binary row
   std::uint64_t trailing() const { return vertices_.trailing(); }  // [bytes] that belong to no row
+  void warn(std::vector<std::string>& warnings) const;             // of what is left out
   // Rows are binary, little endian and float32 throughout: only then may convert() be called.
   bool plain() const { return plain_; }
 
@@ -103,7 +104,9 @@ class SplatStream {
   GaussianModel model_;
 };
 
-// For a reader's warnings, of SplatRows::trailing.
+// For a reader's warnings.
+constexpr const char* kAntialiasedWarning = "trained with antialiasing, which the model has no word for";
+// Of SplatRows::trailing.
 inline std::string trailingWarning(std::uint64_t bytes) {
   return std::to_string(bytes) + " bytes behind the rows are passed over";
 }

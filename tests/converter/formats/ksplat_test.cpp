@@ -90,7 +90,7 @@ TEST_CASE(".ksplat: what has no logarithm or is not finite is repaired or droppe
   CHECK(refused(parts) == "a.ksplat: no splat is left: none had finite values");
 }
 
-TEST_CASE(".ksplat: sections without splats say nothing, those of room for more sections and others") {
+TEST_CASE(".ksplat: sections without splats say nothing") {
   for (const int level : {0, 1, 2}) {
     CAPTURE(level);
     const KsplatParts parts{.level = level, .degree = 1};

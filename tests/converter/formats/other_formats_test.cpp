@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "converter/convert.h"
 #include "converter/formats/read_compressed_ply.h"
 #include "converter/formats/splat.h"
 #include "converter/formats/spz.h"
@@ -354,6 +355,29 @@ TEST_CASE("a PLY of others is mended: numbers that are not finite, opacities of 
     CHECK(mended.rotation[4] == glm::vec4(1, 0, 0, 0));
     CHECK(mended.rotation[5] == glm::vec4(0, 1, 0, -1));
   }
+}
+
+TEST_CASE("a PLY that was trained with antialiasing is told by the last comment that speaks of it") {
+  const Scratch scratch;
+  const std::vector<std::uint8_t> bytes = formatSplatPly(randomSplats(0, 5, 3.0, 7));
+  const std::string plain(bytes.begin(), bytes.end());
+  for (const std::string& file : {plain, compressedPly()}) {
+    const auto warnings = [&](const std::string& comments) {
+      std::string commented = file;
+      return readModel(scratch.write("a.ply", commented.insert(commented.find("element"), comments))).warnings;
+    };
+    const std::vector<std::string> told = {"trained with antialiasing, which the model has no word for"};
+    CHECK(warnings("comment SplatRenderMode: mip\n") == told);
+    CHECK(warnings("comment antialiased 1\r\n") == told);
+    CHECK(warnings("comment SplatRenderMode: default\ncomment antialiased 1\n") == told);
+    CHECK(warnings("comment antialiased 1\ncomment SplatRenderMode: default\n").empty());
+    CHECK(warnings("comment SplatRenderMode: 2dgs\ncomment antialiased 0\n").empty());
+    CHECK(warnings("comment not antialiased 1\nobj_info antialiased 1\n").empty());
+  }
+  scratch.write("a.ply", std::string(plain).insert(plain.find("element"), "comment antialiased 1\n"));
+  const ConvertReport streamed =
+      convert(scratch.folder() / "a.ply", scratch.folder() / "a.glb", {.measure = Measure::never});
+  CHECK(streamed.warnings.size() == 1);
 }
 
 TEST_CASE("readModel finds the reader and names the format") {

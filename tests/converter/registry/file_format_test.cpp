@@ -43,7 +43,7 @@ TEST_CASE("a file's first bytes choose its reader, not its name") {
           "compressed.ply");
 }
 
-TEST_CASE("a PLY is compressed by a property of its header alone, however long that is") {
+TEST_CASE("a PLY is compressed by a property of its header alone however long that is") {
   const Scratch scratch;
   const auto format = [&](const std::string& lines) {
     return detectFormat(scratch.write("a.ply", "ply\n" + lines)).name;
@@ -59,7 +59,7 @@ TEST_CASE("a PLY is compressed by a property of its header alone, however long t
   CHECK(format(comments + property + "end_header\n") == "compressed.ply");
 }
 
-TEST_CASE("what a JSON is follows from the keys of its outermost object, wherever they stand") {
+TEST_CASE("what a JSON is follows from the keys of its outermost object wherever they stand") {
   const Scratch scratch;
   const auto format = [&](const std::string& text) { return detectFormat(scratch.write("a.json", text)).name; };
   for (const std::string key : {"lodLevels", "filenames", "geometricError", "means\": 1, \"scales"}) {
@@ -76,7 +76,7 @@ TEST_CASE("what a JSON is follows from the keys of its outermost object, whereve
   CHECK(format("{" + extras + R"(} "lodLevels": 1)") == "gltf");
 }
 
-TEST_CASE("of a JSON no more is read than says what it is, in pieces of any size") {
+TEST_CASE("of a JSON no more is read than says what it is in pieces of any size") {
   const std::string text = R"({"a\"": [{"b": "}"}], "lodLevels": 3, "filenames": []})";
   for (std::size_t size = 1; size < text.size(); ++size) {
     JsonKindReader reader;
