@@ -63,13 +63,22 @@ class Parser {
                  expectedFound("1 to " + std::to_string(kMaxFiles), std::to_string(names.size())));
     }
     for (std::size_t i = 0; i < names.size(); ++i) {
-      scene_.files.push_back(insideName(names, names.element(i).string()));
+      const JsonNode file = names.element(i);
+      if (lowerExtension(file.string()) == ".sog") {
+        file.fail("is a bundled SOG" + expectedFound("the meta.json of one that is not", file.shown()));
+      }
+      scene_.files.push_back(insideName(names, file.string()));
     }
     scene_.file_counts.assign(scene_.files.size(), 0);
     scene_.counts.assign(static_cast<std::size_t>(scene_.levels), 0);
+    stored_ = scene_.counts;
     addNode(root.at("tree").object());
     if (scene_.leaves.empty()) root.fail("the tree has no leaves");
     requireApart(root);
+    if (root.has("counts") && root.member("counts") != nlohmann::json(stored_)) {
+      scene_.warnings.push_back("\"counts\" is not what the tree holds" +
+                                expectedFound(nlohmann::json(stored_).dump(), root.at("counts").shown()));
+    }
     scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
     if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
   }
@@ -98,6 +107,7 @@ class Parser {
           static_cast<std::uint32_t>(entry.integer("file", 0, static_cast<std::int64_t>(scene_.files.size()) - 1));
       range.first = static_cast<std::uint32_t>(entry.integer("offset", 0, most));
       range.count = static_cast<std::uint32_t>(entry.integer("count", 0, most - range.first));
+      stored_[static_cast<std::size_t>(level)] += range.count;
       if (range.count == 0) continue;
       const bool repeated = std::ranges::find(given, std::optional(range)) != given.end();
       if (!repeated) ranges_.push_back(range);
@@ -146,6 +156,7 @@ class Parser {
   }
 
   LodScene& scene_;
+  std::vector<std::uint64_t> stored_;  // [levels] Gaussians that leaves name
   std::vector<LodRange> ranges_;  // of all leaves, without those that a leaf repeats
 };
 

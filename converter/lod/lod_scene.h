@@ -40,6 +40,7 @@ struct LodScene {
   std::vector<std::uint32_t> file_counts;  // [files] Gaussians that ranges name
   std::vector<LodLeaf> leaves;             // in the tree's order
   std::vector<std::uint64_t> counts;       // [levels] Gaussians of all leaves
+  std::vector<std::string> warnings;       // of what lod-meta.json says of itself
   bool has_environment = false;            // what foreign files show in any case, such as a sky: not read
   // What only our files say:
   std::optional<int> sh_degree;

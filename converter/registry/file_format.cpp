@@ -163,7 +163,7 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
   const LodReader reader = lodFolderReader(path);
   const std::vector<std::uint8_t> levels = sameLevel(scene, 0);
   std::map<std::uint32_t, GaussianModel> files;
-  std::vector<std::string> warnings;
+  std::vector<std::string> warnings = scene.warnings;
   for (const std::uint32_t file : filesOf(scene, levels)) {
     if (options.progress && options.progress->cancel) throw ReadCancelled();
     Bundle read = readLodFile(scene, file, reader, options.base_only);
@@ -191,6 +191,7 @@ void writeLevels(const Path& path, const Bundle& source, const WriteOptions&, Wr
 void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::vector<std::string>& warnings) {
   const LodScene scene = readLodScene(path);
   const LodReader reader = lodFolderReader(path);
+  warnings.insert(warnings.end(), scene.warnings.begin(), scene.warnings.end());
   const auto attempt = [&](const auto& read) {
     try {
       read();

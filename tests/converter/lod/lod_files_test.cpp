@@ -9,6 +9,7 @@
 #include <set>
 #include <thread>
 
+#include "converter/check.h"
 #include "converter/edit/quality.h"
 #include "converter/lod/coarser.h"
 #include "converter/lod/lod_names.h"
@@ -140,6 +141,23 @@ TEST_CASE("levels of detail: what each file warns of is told once") {
   const std::vector<std::string> warnings = readModel(path).warnings;
   REQUIRE(warnings.size() == 1);
   CHECK(warnings.front().find("antialiasing") != std::string::npos);
+}
+
+TEST_CASE("levels of detail: what lod-meta.json warns of is told by who reads and by who checks it") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  writeLod(path, trained(1000, false), kSmall);
+  nlohmann::json meta = nlohmann::json::parse(readFile(path, 1 << 20));
+  meta["counts"][0] = 999;
+  scratch.write("lod-meta.json", meta.dump());
+  const std::string told = "\"counts\" is not what the tree holds";
+  const Bundle read = readModel(path);
+  REQUIRE(read.warnings.size() == 1);
+  CHECK_THAT(read.warnings.front(), Contains(told));
+  const CheckReport report = checkFile(path);
+  CHECK(report.errors.empty());
+  REQUIRE(report.warnings.size() == 1);
+  CHECK_THAT(report.warnings.front().message, Contains(told));
 }
 
 TEST_CASE("levels of detail: every leaf is in every level, with a quarter of the Gaussians of the one before") {

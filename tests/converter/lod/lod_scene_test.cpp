@@ -50,8 +50,23 @@ TEST_CASE("levels of detail: another program's lod-meta.json is read as its desc
   // A level that is not there is the next finer one: nothing of the scene is missing anywhere.
   CHECK(scene.leaves[1].levels == std::vector<LodRange>{{0, 600, 400}, {0, 600, 400}});
   CHECK(scene.counts == std::vector<std::uint64_t>{1000, 900});
+  CHECK(scene.warnings.empty());
   CHECK(!scene.sh_degree);
   CHECK(scene.cameras.empty());
+}
+
+TEST_CASE("levels of detail: counts that are not the tree's are a warning") {
+  Json meta = Json::parse(kForeign);
+  const auto warnings = [&] { return sceneOf(meta).warnings; };
+  meta["counts"][0] = 1001;
+  CHECK(warnings() ==
+        std::vector<std::string>{"\"counts\" is not what the tree holds (expected [1000,500], found [1001,500])"});
+  meta["counts"] = {1000};
+  CHECK(warnings().size() == 1);
+  meta["counts"] = "1000";
+  CHECK(warnings().size() == 1);
+  meta.erase("counts");
+  CHECK(warnings().empty());
 }
 
 TEST_CASE("levels of detail: a leaf without the finer levels has its finest one there") {
@@ -78,6 +93,8 @@ TEST_CASE("levels of detail: a hostile lod-meta.json is refused in words") {
     CHECK(said.starts_with("s/lod-meta.json: "));
     CHECK(said.find(what) != std::string::npos);
   };
+  says(refusal([](Json& meta) { meta["filenames"][1] = "far/1_0.SOG"; }),
+       "filenames/1: is a bundled SOG (expected the meta.json of one that is not, found \"far/1_0.SOG\")");
   says(refusal([](Json& meta) { meta["version"] = 2; }), "version");
   says(refusal([](Json& meta) { meta.erase("tree"); }), "tree");
   says(refusal([](Json& meta) { meta.erase("lodLevels"); }), "lodLevels");
