@@ -65,4 +65,14 @@ std::vector<std::uint8_t> glbHead(const std::string& json, std::uint64_t bin_byt
   return head;
 }
 
+std::vector<std::uint8_t> glbOf(std::string json, std::span<const std::uint8_t> bin, const std::string& path) {
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  if (kGlbHeaderBytes + 2 * kChunkHeaderBytes + json.size() + bin.size() > kMaxGltfBytes) {
+    throw Error(ErrorKind::badData, path, "the parts are too large (expected at most 4 GiB)");
+  }
+  std::vector<std::uint8_t> glb = glbHead(json, bin.size());
+  glb.insert(glb.end(), bin.begin(), bin.end());
+  return glb;
+}
+
 }  // namespace tg

@@ -18,6 +18,7 @@ struct GltfParts {
   bool binary = false;
 };
 
+inline constexpr std::uint64_t kMaxGltfBytes = 0xFFFFFFFF;  // what a GLB header can say
 inline constexpr std::size_t kGlbHeaderBytes = 12, kChunkHeaderBytes = 8;
 
 // Of a file of `file_bytes`, of which `bytes` reach to the content of the last chunk or further. Throws Error(badData):
@@ -27,5 +28,8 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes
 // What precedes the content of the BIN chunk in a GLB: headers, and the JSON in between. Both lengths are multiples of
 // 4; that of the whole file fits into 32 bits.
 std::vector<std::uint8_t> glbHead(const std::string& json, std::uint64_t bin_bytes);
+
+// A whole GLB; `json` is padded, `bin` has a multiple of 4 bytes. Throws Error(badData) beyond 4 GiB.
+std::vector<std::uint8_t> glbOf(std::string json, std::span<const std::uint8_t> bin, const std::string& path);
 
 }  // namespace tg

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "converter/formats/little_endian.h"
+#include "converter/gltf/container.h"
 #include "converter/gltf/document_check.h"
 #include "converter/gltf/gltf_json.h"
 #include "converter/gltf/json_members.h"
@@ -103,15 +104,29 @@ GltfParts partsOf(std::span<const std::uint8_t> bytes, const std::string& path) 
   return isGlb(bytes) ? splitGlb(bytes, bytes.size(), path) : parts;
 }
 
-json parseJsonOf(std::span<const std::uint8_t> bytes, const std::string& path) {
+GltfJson parseJsonOf(std::span<const std::uint8_t> bytes, const std::string& path) {
   return parseGltfJson(partsOf(bytes, path).json, path);
 }
 
-// Resolves and checks the JSON of `bytes`; where there was something to resolve, `bytes` are those of `resolved` then.
-void check(json& root, std::span<const std::uint8_t>& bytes, std::vector<std::uint8_t>& resolved,
+// A file of the same parts whose JSON is `root`.
+std::vector<std::uint8_t> withJson(const json& root, std::span<const std::uint8_t> bytes, const std::string& path) {
+  const std::string text = root.dump(-1, ' ', false, json::error_handler_t::replace);
+  const GltfParts parts = partsOf(bytes, path);
+  if (!parts.bin_bytes) return {text.begin(), text.end()};
+  return glbOf(text,
+               bytes.subspan(static_cast<std::size_t>(parts.bin_offset), static_cast<std::size_t>(*parts.bin_bytes)),
+               path);
+}
+
+// Resolves and checks what was parsed of `bytes`; where that is no longer their JSON, they are those of `made` then.
+void check(GltfJson& parsed, std::span<const std::uint8_t>& bytes, std::vector<std::uint8_t>& made,
            const std::string& path, const std::optional<std::filesystem::path>& folder) {
-  if (auto made = resolveGltf(root, bytes, partsOf(bytes, path), folder, path)) bytes = resolved = std::move(*made);
-  checkGltfJson(root, partsOf(bytes, path), path);
+  if (auto resolved = resolveGltf(parsed.root, bytes, partsOf(bytes, path), folder, path)) {
+    bytes = made = std::move(*resolved);
+  } else if (parsed.rewritten) {
+    bytes = made = withJson(parsed.root, bytes, path);
+  }
+  checkGltfJson(parsed.root, partsOf(bytes, path), path);
 }
 
 // Where they stand in a checked document.
@@ -144,9 +159,9 @@ GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const s
                   const std::optional<std::filesystem::path>& folder) {
   GltfDocument document;
   document.path = path;
-  std::vector<std::uint8_t> resolved;
+  std::vector<std::uint8_t> made;
   if (needsResolving(parsed.root)) parsed.stored = parsed.root;
-  check(parsed.root, bytes, resolved, path, folder);
+  check(parsed, bytes, made, path, folder);
   document.hollow_layers = hollowLayers(parsed.root);
   parse(document.model, path, isGlb(bytes), bytes);
   return document;
@@ -178,7 +193,7 @@ void GltfDocument::read(int view, std::uint64_t offset, std::span<std::uint8_t> 
 
 std::vector<std::string> gltfFilesBeside(const std::filesystem::path& path) {
   const std::vector<std::uint8_t> bytes = readFile(path, kMaxGltfBytes);
-  const json root = parseJsonOf(bytes, path.string());
+  const json root = parseJsonOf(bytes, path.string()).root;
   std::set<std::string> names;
   for (const char* member : {"buffers", "images"}) {
     for (const json& entry : list(root, member)) {
@@ -198,7 +213,7 @@ GltfDocument openGltf(const std::filesystem::path& path) {
 GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed) {
   const auto whole = [&] {
     const std::vector<std::uint8_t> bytes = readFile(path, kMaxGltfBytes);
-    parsed.root = parseJsonOf(bytes, path.string());
+    parsed = parseJsonOf(bytes, path.string());
     return load(parsed, bytes, path.string(), folderOf(path));
   };
   if (!isFile(path)) return whole();  // a pipe, or nothing
@@ -208,7 +223,7 @@ GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed) {
   std::vector<std::uint8_t> bytes = headOf(*document.file);
   if (bytes.empty()) return whole();
   const GltfParts parts = splitGlb(bytes, document.file->size(), document.path);
-  parsed.root = parseGltfJson(parts.json, document.path);
+  parsed = parseGltfJson(parts.json, document.path);
   json& root = parsed.root;
   if (needsResolving(root) || holdsUris(root)) {
     const std::size_t head = bytes.size();
@@ -232,7 +247,7 @@ GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed) {
 
 GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path,
                       const std::optional<std::filesystem::path>& folder) {
-  GltfJson parsed{parseJsonOf(bytes, path), {}};
+  GltfJson parsed = parseJsonOf(bytes, path);
   return load(parsed, bytes, path, folder);
 }
 

@@ -24,8 +24,6 @@ inline constexpr std::string_view kTextureExtension = "TG_gaussian_splatting_tex
 
 inline constexpr std::string_view kWebpExtension = "EXT_texture_webp";
 
-inline constexpr std::uint64_t kMaxGltfBytes = 0xFFFFFFFF;  // what a GLB header can say
-
 struct GltfJson;
 
 struct GltfDocument {

@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <string_view>
 
 #include "converter/gltf/document.h"
+#include "converter/gltf/gltf_json.h"
 #include "converter/gltf/spz_extension.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
@@ -56,6 +58,29 @@ void checkExtensions(const JsonNode& root) {
   }
 }
 
+// Those that the library keeps whole.
+bool isSize(std::string_view key) { return key == "byteLength" || key == "byteOffset" || key == "count"; }
+
+// Whole numbers that are written as decimals become integers, within the limits of cutInteger(); whether there was one.
+bool makeIntegers(json& value, std::string_view key) {
+  bool made = false;
+  if (value.is_number_float()) {
+    const double number = value.get<double>();
+    constexpr double kExact = 0x1p53, kLeast = std::numeric_limits<std::int32_t>::min(),
+                     kMost = std::numeric_limits<std::int32_t>::max();
+    made = number == std::floor(number) && number >= kLeast && (isSize(key) ? number < kExact : number <= kMost);
+    if (made && number < 0.0) value = static_cast<std::int64_t>(number);
+    if (made && number >= 0.0) value = static_cast<std::uint64_t>(number);
+  } else if (value.is_array()) {
+    for (json& element : value) made |= makeIntegers(element, {});
+  } else if (value.is_object()) {
+    for (auto member = value.begin(); member != value.end(); ++member) {
+      if (member.key() != "extras") made |= makeIntegers(*member, member.key());
+    }
+  }
+  return made;
+}
+
 // tinygltf cuts integers to 32 bits without a word: the first that it would cut, and its place below `value`; null:
 // none. Sizes are exempt: it keeps them whole.
 const json* cutInteger(const json& value, std::string& place) {
@@ -77,7 +102,7 @@ const json* cutInteger(const json& value, std::string& place) {
   } else if (value.is_object()) {
     for (auto member = value.begin(); member != value.end(); ++member) {
       const std::string& key = member.key();
-      if (key == "extras" || key == "byteLength" || key == "byteOffset" || key == "count") continue;
+      if (key == "extras" || isSize(key)) continue;
       if (key == "extensions" && member->is_object()) {
         for (const std::string_view ours : {kSplatExtension, kTextureExtension}) {
           const auto extension = member->find(std::string(ours));
@@ -316,16 +341,19 @@ std::uint64_t dataUriBytes(std::string_view uri) {
   return uri.size() * 3 / 4;  // 4 characters for 3 bytes
 }
 
-json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) {
+GltfJson parseGltfJson(std::span<const std::uint8_t> text, const std::string& path) {
   if (text.size() > kMaxJsonBytes) {
     throw Error(ErrorKind::badData, path,
                 "the JSON text is too long" +
                     expectedFound("at most " + std::to_string(kMaxJsonBytes) + " bytes", std::to_string(text.size())));
   }
-  return parseJson(
+  GltfJson parsed;
+  parsed.root = parseJson(
       text, path,
       {"the JSON text is broken: ",
        "the JSON text nests too deep" + expectedFound("at most " + std::to_string(kMaxJsonDepth) + " levels", "more")});
+  parsed.rewritten = makeIntegers(parsed.root, {});
+  return parsed;
 }
 
 void checkGltfJson(const json& value, const GltfParts& parts, const std::string& path) {

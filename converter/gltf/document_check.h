@@ -11,6 +11,8 @@
 
 namespace tg {
 
+struct GltfJson;
+
 inline constexpr std::size_t kMaxJsonBytes = std::size_t{256} << 20;
 
 // Of glTF's names for types; 0 for others.
@@ -20,8 +22,9 @@ int componentCount(std::string_view type);
 // How many bytes a base64 data URI holds; 0 for another text.
 std::uint64_t dataUriBytes(std::string_view uri);
 
-// Throws Error(badData) on syntax, on nesting deeper than 64 and on text that is too long.
-nlohmann::json parseGltfJson(std::span<const std::uint8_t> text, const std::string& path);
+// Whole numbers outside of extras come as integers, as glTF 2.0 has it of those that are written 0.0 or 1e2. Throws
+// Error(badData) on syntax, on nesting deeper than 64 and on text that is too long.
+GltfJson parseGltfJson(std::span<const std::uint8_t> text, const std::string& path);
 
 // Throws Error(badData) with a JSON pointer for: another major version, a required extension that this reader lacks,
 // references that name nothing, views and accessors that leave their buffer (64-bit sums), external files, numbers

@@ -8,7 +8,8 @@ namespace tg {
 
 struct GltfJson {
   nlohmann::json root;                   // checked, its parts resolved
-  std::optional<nlohmann::json> stored;  // as it stands in the file, where that is something else
+  std::optional<nlohmann::json> stored;  // before they were, where that is something else
+  bool rewritten = false;                // `root` has integers where the file has decimals
 };
 
 }  // namespace tg

@@ -248,14 +248,7 @@ class Resolver {
         root_[list] = std::move(rest);
       }
     }
-    std::string text = root_.dump(-1, ' ', false, json::error_handler_t::replace);
-    text.resize((text.size() + 3) / 4 * 4, ' ');
-    if (kGlbHeaderBytes + 2 * kChunkHeaderBytes + text.size() + bin_.size() > kMaxResolvedBytes) {
-      throw Error(ErrorKind::badData, path_, "the parts are too large (expected at most 4 GiB)");
-    }
-    std::vector<std::uint8_t> glb = glbHead(text, bin_.size());
-    glb.insert(glb.end(), bin_.begin(), bin_.end());
-    return glb;
+    return glbOf(root_.dump(-1, ' ', false, json::error_handler_t::replace), bin_, path_);
   }
 
   const GltfParts& parts_;

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every form of KHR_gaussian_splatting that is allowed is read; every broken file gets its own message.
+#include <algorithm>
 #include <functional>
 #include <limits>
 
+#include "converter/check.h"
 #include "converter/glb.h"
 #include "converter/gltf/axes.h"
+#include "converter/gltf/meshopt.h"
 #include "converter/gltf/numbers.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
@@ -265,6 +268,56 @@ TEST_CASE("a GLB with embedded data URIs and a .gltf of the same JSON are read a
   CHECK(binary.format == "glb");
   CHECK(text.model.mean == binary.model.mean);
   CHECK(text.model.atlas.texels == binary.model.atlas.texels);
+}
+
+TEST_CASE("integers that are written as decimals are integers") {
+  const Scratch scratch;
+  const std::function<void(nlohmann::json&)> asDecimals = [&](nlohmann::json& value) {
+    if (value.is_number_integer()) value = value.get<double>();  // written as 3.0
+    if (value.is_structured()) std::ranges::for_each(value, asDecimals);
+  };
+  Glb glb = smallGlb(scratch);
+  const GaussianModel expected = readModel(scratch.folder() / "small.glb").model;
+  const auto agrees = [&](const std::filesystem::path& path) {
+    const CheckReport report = checkFile(path);
+    CAPTURE(path, describe(report));
+    CHECK(report.errors.empty());
+    CHECK(report.warnings.empty());
+    CHECK(readModel(path).model == expected);
+  };
+  asDecimals(glb.json);
+  CHECK(contains(glb.bytes(), "\"mode\":0.0"));
+  agrees(scratch.write("decimals.glb", glb.bytes()));
+
+  nlohmann::json beside = glb.json;
+  beside["buffers"][0]["uri"] = "decimals.bin";
+  scratch.write("decimals.bin", glb.bin);
+  std::string text = beside.dump();
+  const std::string count = "\"count\":12.0", exponent = "\"count\":1.2e1";
+  for (std::size_t at = text.find(count); at != text.npos; at = text.find(count)) {
+    text.replace(at, count.size(), exponent);
+  }
+  CHECK(contains(text, exponent));
+  agrees(scratch.write("decimals.gltf", text));
+
+  std::string longer = glb.bytes();  // with a chunk of another kind it is read as a whole
+  longer.append("\4\0\0\0????\0\0\0\0", 12);
+  const auto length = static_cast<std::uint32_t>(longer.size());
+  std::memcpy(longer.data() + 8, &length, sizeof(length));
+  agrees(scratch.write("longer.glb", longer));
+
+  if (hasMeshopt()) {
+    writeGlb(scratch.folder() / "packed.glb", {smallModel(), {}, glm::vec3(0.0f), {.meshopt = true}});
+    Glb packed = Glb::read(scratch.folder() / "packed.glb");
+    asDecimals(packed.json);
+    agrees(scratch.write("packed.glb", packed.bytes()));
+  }
+
+  // What is no integer, or none that 32 bits hold, stays what it is.
+  glb.json["scene"] = 0.5;
+  CHECK(contains(refusal(scratch.write("half.glb", glb.bytes())), "/scene: wrong value (expected an integer >= 0"));
+  glb.json["scene"] = 4294967296.0;
+  CHECK(contains(refusal(scratch.write("large.glb", glb.bytes())), "/scene: wrong value (expected an integer >= 0"));
 }
 
 TEST_CASE("every broken promise has its message, with the place, what was expected and what was found") {
