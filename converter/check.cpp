@@ -2,11 +2,13 @@
 // Says what is wrong with a file, and where.
 #include "converter/check.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
+#include "converter/formats/repair.h"
 #include "converter/registry/file_format.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
@@ -61,6 +63,13 @@ struct Lines {
   void addWarnings(const std::vector<std::string>& added) {
     warnings.insert(warnings.end(), added.begin(), added.end());
   }
+  // What readers put right breaks the format's rules.
+  void countRepairs() {
+    const auto repairs =
+        std::ranges::stable_partition(warnings, [](const std::string& line) { return !isRepair(line); });
+    errors.insert(errors.end(), repairs.begin(), repairs.end());
+    warnings.erase(repairs.begin(), repairs.end());
+  }
 };
 
 void tryRead(const Format& format, const std::filesystem::path& path, bool base_only, CheckReport& report,
@@ -73,8 +82,8 @@ void tryRead(const Format& format, const std::filesystem::path& path, bool base_
   } catch (const Error& error) {
     if (error.kind != ErrorKind::badData) throw;
     if (errors.empty()) errors.push_back(error.what());
-    lines.addErrors(errors);
   }
+  lines.addErrors(errors);
 }
 
 Json toJson(const std::vector<Finding>& findings) {
@@ -115,6 +124,7 @@ CheckReport checkFile(const std::filesystem::path& path) {
     tryRead(*format, path, true, report, lines);
     if (format->has_base) tryRead(*format, path, false, report, lines);
   }
+  lines.countRepairs();
   report.errors = findingsOf(lines.errors, report.file);
   for (const std::string& line : broken) report.errors.push_back(findingOf(line, report.file));
   report.warnings = findingsOf(lines.warnings, report.file);

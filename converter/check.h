@@ -17,8 +17,8 @@ struct CheckReport {
   std::string file;
   std::string format;  // the name of its Format; "" when not even that could be told
   std::size_t gaussians = 0;
-  std::vector<Finding> errors;    // a reader refuses the file or its texture layer, or glTF forbids it
-  std::vector<Finding> warnings;  // a reader repairs, ignores or guesses
+  std::vector<Finding> errors;    // a reader refuses or puts right the file or its texture layer, or glTF forbids it
+  std::vector<Finding> warnings;  // a reader ignores or guesses what is allowed
 };
 
 // Of glTF files every error of the base and of the texture layer is listed that does not hang on another one; of a

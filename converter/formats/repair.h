@@ -8,6 +8,7 @@
 #include <glm/glm.hpp>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/model/model.h"
@@ -66,9 +67,15 @@ inline glm::vec3 withoutZeroScales(glm::vec3 log_scale) {
   return log_scale;
 }
 
-// One line for the summary when `count` splats were put right.
+// One line for the summary when `count` splats were put right; `what` begins with "with".
 inline void warnRepair(std::vector<std::string>& warnings, std::size_t count, const std::string& what) {
   if (count != 0) warnings.push_back(std::to_string(count) + " splats " + what);
+}
+
+// Whether a warning is such a line, perhaps after the place that it is about.
+inline bool isRepair(std::string_view warning) {
+  const std::size_t at = warning.find(" splats with");
+  return at != warning.npos && at > 0 && warning[at - 1] >= '0' && warning[at - 1] <= '9';
 }
 
 constexpr const char* kDroppedSplat = "with values that are not finite: dropped";

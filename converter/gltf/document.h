@@ -34,6 +34,7 @@ struct GltfDocument {
   std::shared_ptr<const FileReader> file;
   std::uint64_t bin_offset = 0;  // of that chunk's content in the file
   std::vector<std::string> warnings;
+  std::vector<std::string> mended;  // with the path: errors that do not end reading
   // JSON pointers of texture layers that the library drops without a word: null, {}, and what is no object.
   std::vector<std::string> hollow_layers;
   // tgconvert check: errors go here and reading goes on where it can. Null: the first one ends it.
@@ -63,6 +64,11 @@ struct GltfDocument {
   }
   void warn(const std::string& pointer, const std::string& what) {
     warnings.push_back(printable(shortened(pointer) + ": " + shortened(what)));
+  }
+  // What breaks a rule and is put right: a warning, which says how, and an error of tgconvert check.
+  void mend(const std::string& pointer, const std::string& what, const std::string& how) {
+    if (errors == nullptr) return warn(pointer, what + ": " + how);
+    mended.emplace_back(bad(pointer, what).what());
   }
 };
 

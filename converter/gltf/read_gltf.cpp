@@ -128,6 +128,12 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
   const auto text = [&](const char* key) {
     return extension.Has(key) && extension.Get(key).IsString() ? extension.Get(key).Get<std::string>() : std::string();
   };
+  const auto word = [&](const char* key, const std::string& otherwise) {
+    if (!extension.Has(key)) return otherwise;
+    if (extension.Get(key).IsString()) return extension.Get(key).Get<std::string>();
+    document.mend(pointer, "\"" + std::string(key) + "\" is no string", "taken for " + otherwise);
+    return otherwise;
+  };
   const tinygltf::Primitive& primitive = *splats.primitive;
   if (primitive.attributes.count("_ROTATION") != 0 || primitive.attributes.count("_SCALE") != 0) {
     throw document.bad(splats.pointer, "a pre-release draft of " + std::string(kSplatExtension) +
@@ -151,14 +157,20 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
     }
     throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
   });
-  if (const std::string space = text("colorSpace"); space == "lin_rec709_display") {
+  const std::string encoded = "srgb_rec709_display";
+  if (!extension.Has("colorSpace") && !packed) {
+    document.mend(pointer, "\"colorSpace\" is missing", "taken for " + encoded);
+  }
+  if (const std::string space = word("colorSpace", encoded); space == "lin_rec709_display") {
     document.warn(pointer,
                   "colours of linear light: turned to sRGB Gaussian by Gaussian, which blends a little differently");
-  } else if (space != "srgb_rec709_display" && !(packed && space.empty())) {
-    document.warn(pointer, "unknown colorSpace \"" + space + "\", taken for srgb_rec709_display");
+  } else if (space != encoded) {
+    document.warn(pointer, "unknown colorSpace \"" + space + "\", taken for " + encoded);
   }
-  if (const std::string projection = text("projection"); !projection.empty() && projection != "perspective") {
-    document.warn(pointer, "unknown projection \"" + projection + "\", taken for perspective");
+  for (const auto& [key, known] : {std::pair{"projection", "perspective"}, {"sortingMethod", "cameraDistance"}}) {
+    if (const std::string found = word(key, known); found != known) {
+      document.warn(pointer, "unknown " + std::string(key) + " \"" + found + "\", taken for " + known);
+    }
   }
   if (!extension.Has("extensions") || !extension.Get("extensions").IsObject()) return;
   for (const std::string& name : extension.Get("extensions").Keys()) {
@@ -510,8 +522,8 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options,
     model.sh_degree = std::max(model.sh_degree, instance.degree);
     instance.log_scales = hasLogScales(document, instance);
     if (!instance.log_scales) continue;
-    document.warn(instance.splats.pointer + "/attributes/" + splatName("SCALE"),
-                  "logarithms, as the extension's first release candidate had them");
+    document.mend(instance.splats.pointer + "/attributes/" + splatName("SCALE"), "logarithms (expected scales)",
+                  "as the extension's first release candidate had them");
   }
   bool textured = false;
   DecodedAtlases decoded;
@@ -553,6 +565,7 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options,
     if (instance.linear) encodeLinearColors(model, before);
   }
   if (document.errors != nullptr && !document.errors->empty()) {
+    document.errors->insert(document.errors->end(), document.mended.begin(), document.mended.end());
     throw Error(ErrorKind::badData, document.errors->front());
   }
   if (!textured) model.atlas = {};
@@ -562,6 +575,7 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options,
     if (std::optional<Camera> camera = readCamera(document, placed)) loaded.cameras.push_back(std::move(*camera));
   }
   loaded.warnings = std::move(document.warnings);
+  if (document.errors != nullptr) *document.errors = std::move(document.mended);
   return loaded;
 }
 
@@ -612,8 +626,8 @@ std::size_t checkGltf(const std::filesystem::path& path, std::vector<std::string
     } catch (const Error& error) {
       if (error.kind != ErrorKind::badData) throw;
       if (found.empty()) found.push_back(error.what());
-      errors.insert(errors.end(), found.begin(), found.end());
     }
+    errors.insert(errors.end(), found.begin(), found.end());
   }
   document.errors = nullptr;
   const json& root = parsed.root;

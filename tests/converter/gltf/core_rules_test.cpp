@@ -172,6 +172,67 @@ TEST_CASE("check finds what glTF itself forbids") {
   }
 }
 
+TEST_CASE("what breaks a rule and is put right is a warning of reading and an error of check") {
+  const Scratch scratch;
+  const Glb sound = smallGlb(scratch);
+  const auto put = [](Glb& g, const std::string& semantic, std::size_t element, float value) {
+    std::memcpy(g.bin.data() + g.start(semantic) + element * sizeof(value), &value, sizeof(value));
+  };
+  const std::string khr = "KHR_gaussian_splatting";
+  const std::string object = kPrimitive + "/extensions/" + khr;
+  struct Case {
+    std::function<void(Glb&)> spoil;
+    std::string place, what;
+  };
+  const std::vector<Case> cases = {
+      {[&](Glb& g) { put(g, "TG_gaussian_splatting_texture:OPACITY", 1, 1.01f); }, kPrimitive, "outside [0, 1]"},
+      {[&](Glb& g) { put(g, khr + ":SCALE", 4, -0.1f); }, kPrimitive, "1 splats with a negative scale"},
+      {[&](Glb& g) {
+         for (std::size_t k = 0; k < 4; ++k) put(g, khr + ":ROTATION", k, 0.505f);
+       },
+       kPrimitive, "1 splats with a quaternion that is not of unit length"},
+      {[&](Glb& g) {
+         for (std::size_t k = 0; k < 4; ++k) put(g, khr + ":ROTATION", k, 0.0f);
+       },
+       kPrimitive, "a quaternion of length 0"},
+      {[&](Glb& g) { g.splatting().erase("colorSpace"); }, object, "\"colorSpace\" is missing"},
+      {[&](Glb& g) { g.splatting()["colorSpace"] = 3; }, object, "\"colorSpace\" is no string"},
+      {[&](Glb& g) { g.splatting()["projection"] = 3; }, object, "\"projection\" is no string"},
+      {[&](Glb& g) { g.splatting()["sortingMethod"] = 3; }, object, "\"sortingMethod\" is no string"},
+      {[&](Glb& g) { g.setAttribute(khr + ":SCALE", std::vector<float>(12 * 3, -2.0f), 5126, "VEC3", false, 12); },
+       kPrimitive + "/attributes/" + khr + ":SCALE", "logarithms"},
+  };
+  Glb all = sound;
+  for (const Case& one : cases) {
+    Glb glb = sound;
+    one.spoil(glb);
+    const std::filesystem::path path = scratch.write("a.glb", glb.bytes());
+    const CheckReport report = checkFile(path);
+    const std::vector<std::string> warnings = readModel(path).warnings;
+    CAPTURE(one.what, describe(report), warnings);
+    REQUIRE(report.errors.size() == 1);
+    CHECK(report.errors[0].pointer == one.place);
+    CHECK_THAT(report.errors[0].message, Contains(one.what));
+    CHECK(report.warnings.empty());
+    REQUIRE(warnings.size() == 1);
+    CHECK_THAT(warnings[0], Contains(one.what));
+  }
+  // All of them are told, also beside a name that is merely unknown.
+  all.splatting()["colorSpace"] = 3;
+  all.splatting()["projection"] = "fisheye";
+  put(all, khr + ":SCALE", 4, -0.1f);
+  const CheckReport report = checkFile(scratch.write("all.glb", all.bytes()));
+  CAPTURE(describe(report));
+  CHECK(report.errors.size() == 2);
+  CHECK(report.gaussians == 12);
+  REQUIRE(report.warnings.size() == 1);
+  CHECK(report.warnings[0].message == "unknown projection \"fisheye\", taken for perspective");
+
+  std::string splat(64, '\x40');  // two splats; a quaternion of four times 128 has no length
+  std::fill_n(splat.begin() + 28, 4, '\x80');
+  CHECK(errorsOf(scratch.write("a.splat", splat)) == ": 1 splats with a quaternion of length 0: not turned\n");
+}
+
 TEST_CASE("check compares bounds as the numbers that they are, and wants [0, 1] of the first colour alone") {
   const Scratch scratch;
   const Glb sound = smallGlb(scratch);
