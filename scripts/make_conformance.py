@@ -591,7 +591,7 @@ def _(g):
     g.primitive["mode"] = 4
 
 
-@case("K02", "kernel", "error", f"{PRIMITIVE}/extensions/{KHR}", "\"kernel\" is not supported")
+@case("K02", "kernel", "error", f"{PRIMITIVE}/extensions/{KHR}", "\"kernel\" is missing")
 def _(g):
     "an extension object without keys"
     g.splatting.clear()

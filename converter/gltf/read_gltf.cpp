@@ -155,6 +155,8 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
       document.warn(pointer, "unknown \"kernel\", taken for ellipse: found \"" + text("kernel") + "\"");
       return;
     }
+    if (!extension.Has("kernel")) throw document.bad(pointer, "\"kernel\" is missing");
+    if (!extension.Get("kernel").IsString()) throw document.bad(pointer, "\"kernel\" is no string");
     throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
   });
   const std::string encoded = "srgb_rec709_display";

@@ -136,8 +136,8 @@ double JsonNode::within(const nlohmann::json& number, const char* key, double lo
 std::int64_t JsonNode::integer(const char* key, std::int64_t low, std::int64_t high) const {
   const double d = number(key);
   if (d != std::floor(d) || d < static_cast<double>(low) || d > static_cast<double>(high)) {
-    fail(inQuotes(key) + ": expected an integer from " + std::to_string(low) + " to " + std::to_string(high) +
-         ", found " + member(key).dump());
+    const std::string range = "an integer from " + std::to_string(low) + " to " + std::to_string(high);
+    fail(inQuotes(key) + ": expected " + (low == high ? std::to_string(low) : range) + ", found " + member(key).dump());
   }
   return static_cast<std::int64_t>(d);
 }

@@ -360,6 +360,8 @@ TEST_CASE("every broken promise has its message, with the place, what was expect
       // The base.
       {[](Glb& g) { g.primitive()["mode"] = 4; },
        kPrimitive + "/mode: wrong mode for splats (expected 0, POINTS, found 4)"},
+      {[](Glb& g) { g.splatting().erase("kernel"); }, "KHR_gaussian_splatting: \"kernel\" is missing"},
+      {[](Glb& g) { g.splatting()["kernel"] = 1; }, "KHR_gaussian_splatting: \"kernel\" is no string"},
       {[](Glb& g) { g.splatting()["kernel"] = "surfel"; },
        "\"kernel\" is not supported (expected \"ellipse\", found \"surfel\")"},
       {[](Glb& g) { g.primitive()["attributes"].erase(kKhr + "SCALE"); },

@@ -20,6 +20,7 @@ TEST_CASE("a member that is missing or wrong is named with the file and the plac
   CHECK(messageOf([&] { node.number("i", 2, 3); }) == "a.json: camera 3: \"i\": expected 2 to 3, found 1.5");
   CHECK(messageOf([&] { node.integer("i", 0, 9); }) ==
         "a.json: camera 3: \"i\": expected an integer from 0 to 9, found 1.5");
+  CHECK(messageOf([&] { node.integer("i", 2, 2); }) == "a.json: camera 3: \"i\": expected 2, found 1.5");
   CHECK(messageOf([&] { node.boolean("b"); }) == "a.json: camera 3: \"b\": expected true or false, found number");
   CHECK(messageOf([&] { node.array("l", 3); }) == "a.json: camera 3: \"l\": expected an array of 3");
   CHECK(messageOf([&] { node.list("l", 1); }) == "a.json: camera 3: \"l\": expected an array of at most 1");

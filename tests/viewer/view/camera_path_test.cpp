@@ -212,7 +212,7 @@ TEST_CASE("a broken path names key and member") {
       {"[]", "p.json: no camera inside (expected at least 1, found 0)"},
       {"{}", "missing key \"format\""},
       {R"({"format":"other"})", "\"format\": expected \"tgview-path\""},
-      {R"({"format":"tgview-path","version":2})", "\"version\": expected an integer from 1 to 1, found 2"},
+      {R"({"format":"tgview-path","version":2})", "\"version\": expected 1, found 2"},
       {path(""), "\"keys\": expected an array of 1 to 10000 keys"},
       {path(good + "," + good), "key 1: \"time\": expected at least 1 ms after the key before it"},
       {path(good, R"("closing":-1,)"), "\"closing\": expected 0 to 86400, found -1"},
