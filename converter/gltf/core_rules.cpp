@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -63,20 +62,6 @@ std::string_view imageType(std::span<const unsigned char> bytes) {
 }
 
 std::string shown(const json& value) { return value.dump(-1, ' ', true, json::error_handler_t::replace); }
-
-using Version = std::pair<std::uint32_t, std::uint32_t>;
-
-std::optional<Version> versionOf(const std::string& text) {
-  Version version;
-  const char *at = text.data(), *end = at + text.size();
-  const auto number = [&](std::uint32_t& to) {
-    const auto [next, problem] = std::from_chars(at, end, to);
-    at = next;
-    return problem == std::errc();
-  };
-  if (!number(version.first) || at == end || *at++ != '.' || !number(version.second) || at != end) return std::nullopt;
-  return version;
-}
 
 class CoreRules {
  public:
@@ -167,17 +152,11 @@ class CoreRules {
   void asset() {
     const json& asset = member(root_, "asset");
     for (const char* key : {"generator", "copyright", "minVersion"}) text(asset, key, "/asset");
-    std::array<std::optional<Version>, 2> versions;
-    for (std::size_t k = 0; k < 2; ++k) {
-      const char* key = k == 0 ? "version" : "minVersion";
+    for (const char* key : {"version", "minVersion"}) {
       const json& stated = member(asset, key);
-      if (!stated.is_string()) continue;
-      versions[k] = versionOf(stated.get_ref<const std::string&>());
-      if (!versions[k]) {
-        error(std::string("/asset/").append(key), "is no version (expected MAJOR.MINOR, found " + stated.dump() + ")");
-      }
+      if (!stated.is_string() || versionOf(stated.get_ref<const std::string&>())) continue;
+      error(std::string("/asset/").append(key), "is no version (expected MAJOR.MINOR, found " + stated.dump() + ")");
     }
-    if (versions[0] && versions[1] && *versions[1] > *versions[0]) error("/asset/minVersion", "is above the version");
   }
 
   void extensions() {

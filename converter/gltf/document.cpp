@@ -154,6 +154,43 @@ std::vector<std::string> hollowLayers(const json& root) {
   return found;
 }
 
+// What a checked document has that changes how its splats look and is not read.
+std::vector<std::string> unreadOf(const json& root) {
+  std::vector<std::string> found;
+  const auto add = [&](const std::string& pointer, const std::string& what) {
+    found.push_back(printable(shortened(pointer) + ": " + shortened(what)));
+  };
+  const json& used = list(root, "extensionsUsed");
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    const std::string& name = used[i].get_ref<const std::string&>();
+    if (!isKnownExtension(name)) {
+      add("/extensionsUsed/" + std::to_string(i), name + " is not supported: what it says is left out");
+    }
+  }
+  if (!list(root, "animations").empty()) add("/animations", "left out: the scene stands as at rest");
+  std::set<std::size_t> of_splats;
+  const json& meshes = list(root, "meshes");
+  for (std::size_t m = 0; m < meshes.size(); ++m) {
+    std::size_t p = 0;
+    for (const json& primitive : list(meshes[m], "primitives")) {
+      const std::string pointer = "/meshes/" + std::to_string(m) + "/primitives/" + std::to_string(p++);
+      if (!member(primitive, "extensions").contains(kSplatExtension)) continue;
+      of_splats.insert(m);
+      if (primitive.contains("targets")) add(pointer + "/targets", "morph targets are left out");
+    }
+  }
+  std::size_t n = 0;
+  for (const json& node : list(root, "nodes")) {
+    const std::string pointer = "/nodes/" + std::to_string(n++);
+    if (!node.contains("skin") || !node.contains("mesh") || !of_splats.contains(node["mesh"].get<std::size_t>())) {
+      continue;
+    }
+    add(pointer + "/skin", "left out: the splats stand as at rest");
+    break;  // others would say the same
+  }
+  return found;
+}
+
 // Of parsed.root, which has been parsed and nothing else.
 GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const std::string& path,
                   const std::optional<std::filesystem::path>& folder) {
@@ -163,6 +200,7 @@ GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const s
   if (needsResolving(parsed.root)) parsed.stored = parsed.root;
   check(parsed, bytes, made, path, folder);
   document.hollow_layers = hollowLayers(parsed.root);
+  document.unread = unreadOf(parsed.root);
   parse(document.model, path, isGlb(bytes), bytes);
   return document;
 }
@@ -233,6 +271,7 @@ GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed) {
   }
   checkGltfJson(root, parts, document.path);
   document.hollow_layers = hollowLayers(root);
+  document.unread = unreadOf(root);
   parseWithout(document.model, document.path, root, kLeftOut);
   document.bin_offset = parts.bin_offset;
   for (const json& entry : list(root, "images")) {

@@ -37,6 +37,7 @@ struct GltfDocument {
   std::vector<std::string> mended;  // with the path: errors that do not end reading
   // JSON pointers of texture layers that the library drops without a word: null, {}, and what is no object.
   std::vector<std::string> hollow_layers;
+  std::vector<std::string> unread;  // warnings of what changes how splats look and is not read
   // tgconvert check: errors go here and reading goes on where it can. Null: the first one ends it.
   std::vector<std::string>* errors = nullptr;
 

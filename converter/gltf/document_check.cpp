@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -22,13 +23,13 @@ namespace {
 using nlohmann::json;
 
 constexpr std::uint64_t kMaxCount = std::uint64_t{1} << 32;  // of accessor elements: keeps every product below 2^64
-// What says nothing of splats, nor of where they and their textures lie.
 constexpr std::array<std::string_view, 6> kIgnoredExtensions = {"KHR_lights_punctual",   "EXT_lights_image_based",
                                                                 "KHR_texture_transform", "KHR_xmp",
                                                                 "KHR_xmp_json_ld",       "KHR_animation_pointer"};
 constexpr std::string_view kIgnoredMaterials = "KHR_materials_";
-constexpr std::array<std::string_view, 5> kSupportedExtensions = {kSplatExtension, kTextureExtension, kSpzExtension,
-                                                                  kWebpExtension, "KHR_mesh_quantization"};
+constexpr std::array<std::string_view, 7> kSupportedExtensions = {
+    kSplatExtension,           kTextureExtension,        kSpzExtension, kWebpExtension, "KHR_mesh_quantization",
+    "EXT_meshopt_compression", "KHR_meshopt_compression"};
 
 // The elements of a top-level array of objects; none when the key is absent.
 std::vector<JsonNode> elements(const JsonNode& root, const char* key) {
@@ -48,10 +49,7 @@ void checkExtensions(const JsonNode& root) {
     const JsonNode list = root.at(key).array();
     for (std::size_t i = 0; i < list.size(); ++i) {
       const std::string extension = list.element(i).string();
-      const bool known =
-          std::ranges::count(kSupportedExtensions, extension) + std::ranges::count(kIgnoredExtensions, extension) > 0 ||
-          extension.starts_with(kIgnoredMaterials);
-      if (key == std::string_view("extensionsRequired") && !known) {
+      if (key == std::string_view("extensionsRequired") && !isKnownExtension(extension)) {
         list.element(i).fail("the file requires " + extension + ", which this reader does not support");
       }
     }
@@ -314,9 +312,31 @@ void checkVersion(const JsonNode& root) {
   if (version.string().substr(0, 2) != "2.") {
     version.fail("another version of glTF" + expectedFound("2.x", version.shown()));
   }
+  if (!root.at("asset").has("minVersion")) return;
+  const JsonNode needed = root.at("asset").at("minVersion");
+  if (needed.value.is_string() && versionOf(needed.string()) > std::pair{2u, 0u}) {
+    needed.fail("another version of glTF is needed" + expectedFound("at most 2.0", needed.shown()));
+  }
 }
 
 }  // namespace
+
+std::optional<std::pair<std::uint32_t, std::uint32_t>> versionOf(std::string_view text) {
+  std::pair<std::uint32_t, std::uint32_t> version;
+  const char *at = text.data(), *end = at + text.size();
+  const auto number = [&](std::uint32_t& to) {
+    const auto [next, problem] = std::from_chars(at, end, to);
+    at = next;
+    return problem == std::errc();
+  };
+  if (!number(version.first) || at == end || *at++ != '.' || !number(version.second) || at != end) return std::nullopt;
+  return version;
+}
+
+bool isKnownExtension(std::string_view name) {
+  return std::ranges::count(kSupportedExtensions, name) + std::ranges::count(kIgnoredExtensions, name) > 0 ||
+         name.starts_with(kIgnoredMaterials);
+}
 
 int componentBytes(std::uint64_t component_type) {
   constexpr std::array<int, 7> bytes = {1, 1, 2, 2, 0, 4, 4};  // from 5120 on

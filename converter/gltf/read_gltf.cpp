@@ -3,6 +3,7 @@
 #include "converter/gltf/read_gltf.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -97,6 +98,16 @@ int findDegree(const GltfDocument& document, const SplatPrimitive& splats) {
     degree = l;
   }
   return degree;
+}
+
+bool hasHigherDegree(const SplatPrimitive& splats) {
+  const std::string prefix = splatName("SH_DEGREE_");
+  return std::ranges::any_of(splats.primitive->attributes, [&](const auto& attribute) {
+    int degree = 0;
+    const char *at = attribute.first.data(), *end = at + attribute.first.size();
+    return attribute.first.starts_with(prefix) && std::from_chars(at + prefix.size(), end, degree).ec == std::errc() &&
+           degree > kMaxGltfDegree;
+  });
 }
 
 void checkExtensionPlaces(const GltfDocument& document) {
@@ -227,6 +238,9 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
           instance.degree = instance.packed->sh_degree;
         } else {
           instance.degree = findDegree(document, instance.splats);
+          if (hasHigherDegree(instance.splats)) {
+            document.warn(instance.splats.pointer + "/attributes", "SH above degree 3 is left out");
+          }
         }
         instance.place = decompose(document, placed);
         instance.linear = found->second.Has("colorSpace") && found->second.Get("colorSpace").IsString() &&
@@ -512,7 +526,8 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options,
   std::string wrong;
   const std::optional<RigidScale> place = decompose(world_from_scene, wrong);
   TG_ASSERT(place, "a scene stands at a uniform scale, a rotation and a translation");
-  document.warnings.clear();
+  document.warnings = document.unread;
+  document.mended.clear();
   if (!options.base_only) checkExtensionPlaces(document);
   const std::vector<PlacedNode> nodes = placeNodes(document, world_from_scene);
   std::vector<SplatInstance> instances = findSplats(document, nodes);

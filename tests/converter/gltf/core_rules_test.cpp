@@ -122,12 +122,8 @@ TEST_CASE("check finds what glTF itself forbids") {
        "/extensionsUsed: names something twice"},
       {[&](Glb& g) { g.json["extensionsRequired"] = {"KHR_materials_unlit"}; },
        "/extensionsRequired/0: is required and not listed in extensionsUsed"},
-      {[&](Glb& g) { g.json["asset"]["minVersion"] = "2.5"; }, "/asset/minVersion: is above the version"},
-      {[&](Glb& g) {
-         g.json["asset"]["version"] = "2.9";
-         g.json["asset"]["minVersion"] = "2.10";
-       },
-       "/asset/minVersion: is above the version"},
+      {[&](Glb& g) { g.json["asset"]["minVersion"] = "two"; },
+       "/asset/minVersion: is no version (expected MAJOR.MINOR, found \"two\")"},
       {[&](Glb& g) { g.json["asset"]["version"] = "2.0a"; },
        "/asset/version: is no version (expected MAJOR.MINOR, found \"2.0a\")"},
       {[&](Glb& g) { g.json["nodes"][0]["extensions"]["KHR_materials_unlit"] = json::object(); },
@@ -170,6 +166,48 @@ TEST_CASE("check finds what glTF itself forbids") {
     CAPTURE(expected, found);
     CHECK(found.find(expected) != std::string::npos);
   }
+}
+
+TEST_CASE("what changes how splats look and is not read is told") {
+  const Scratch scratch;
+  const Glb sound = smallGlb(scratch);
+  const auto warnings = [&](const std::function<void(Glb&)>& change) {
+    Glb glb = sound;
+    change(glb);
+    const std::filesystem::path path = scratch.write("a.glb", glb.bytes());
+    CHECK(checkFile(path).warnings.size() == readModel(path).warnings.size());
+    return readModel(path).warnings;
+  };
+  const auto uses = [](Glb& g, const char* name) { g.json["extensionsUsed"].push_back(name); };
+  CHECK(warnings([](Glb&) {}).empty());
+  CHECK(warnings([&](Glb& g) {
+          uses(g, "EXT_mesh_gpu_instancing");
+          uses(g, "KHR_materials_unlit");
+          uses(g, "KHR_node_visibility");
+        }) == std::vector<std::string>{
+                  "/extensionsUsed/2: EXT_mesh_gpu_instancing is not supported: what it says is left out",
+                  "/extensionsUsed/4: KHR_node_visibility is not supported: what it says is left out"});
+  CHECK(warnings([&](Glb& g) {
+          const json channel = {{"sampler", 0}, {"target", {{"node", 0}, {"path", "translation"}}}};
+          g.json["animations"] = {{{"channels", {channel}}, {"samplers", {{{"input", 0}, {"output", 0}}}}}};
+        }) == std::vector<std::string>{"/animations: left out: the scene stands as at rest"});
+  CHECK(warnings([&](Glb& g) {
+          g.json["skins"] = {{{"joints", {0}}}};
+          g.json["nodes"][0]["skin"] = 0;
+          g.json["nodes"][1]["skin"] = 0;  // no mesh of splats
+        }) == std::vector<std::string>{"/nodes/0/skin: left out: the splats stand as at rest"});
+  CHECK(warnings([&](Glb& g) { g.primitive()["targets"] = {{{"POSITION", 0}}}; }) ==
+        std::vector<std::string>{kPrimitive + "/targets: morph targets are left out"});
+  CHECK(warnings([&](Glb& g) {
+          for (int k = 0; k < 9; ++k) {
+            const std::string name = "KHR_gaussian_splatting:SH_DEGREE_";
+            g.primitive()["attributes"][name + "4_COEF_" + std::to_string(k)] =
+                g.primitive()["attributes"][name + "3_COEF_0"];
+          }
+        }) == std::vector<std::string>{kPrimitive + "/attributes: SH above degree 3 is left out"});
+  CHECK(warnings([&](Glb& g) { g.splatting()["sortingMethod"] = "zDepth"; }) ==
+        std::vector<std::string>{kPrimitive + "/extensions/KHR_gaussian_splatting: unknown sortingMethod \"zDepth\", "
+                                              "taken for cameraDistance"});
 }
 
 TEST_CASE("what breaks a rule and is put right is a warning of reading and an error of check") {

@@ -330,6 +330,11 @@ TEST_CASE("every broken promise has its message, with the place, what was expect
       // The document.
       {[](Glb& g) { g.json["asset"]["version"] = "1.0"; }, "/asset/version: another version of glTF (expected 2.x"},
       {[](Glb& g) { g.json.erase("asset"); }, "/: \"asset\" is missing"},
+      {[](Glb& g) {
+         g.json["asset"]["version"] = "2.9";
+         g.json["asset"]["minVersion"] = "2.10";
+       },
+       "/asset/minVersion: another version of glTF is needed (expected at most 2.0, found \"2.10\")"},
       {[](Glb& g) { g.json["extensionsRequired"] = {"KHR_draco_mesh_compression"}; },
        "/extensionsRequired/0: the file requires KHR_draco_mesh_compression"},
       {[](Glb& g) { g.json["buffers"][0]["byteLength"] = 1u << 30; }, "/buffers/0/byteLength: leaves the BIN chunk"},
