@@ -31,6 +31,7 @@ constexpr double kOrthogonalTolerance = 0.00769;  // of a matrix's columns
 constexpr std::uint64_t kScanRatio = 8;           // accessors' bytes to the buffers', before scanning ends
 constexpr std::size_t kScanBlock = 1 << 20;       // [bytes]
 constexpr std::uint64_t kFloatType = 5126, kUintType = 5125;
+constexpr int kVertexTarget = 34962, kIndexTarget = 34963;  // of buffer views
 constexpr std::array kLists = {"accessors", "animations", "bufferViews", "buffers", "cameras", "images",  "materials",
                                "meshes",    "nodes",      "samplers",    "scenes",  "skins",   "textures"};
 constexpr std::size_t kNobody = std::numeric_limits<std::size_t>::max();
@@ -304,11 +305,16 @@ class CoreRules {
       error(pointer, "the buffer view " + std::to_string(view) + " serves something else, too");
     }
     uses_[view] = use;
+    const json& target = member(list(root_, "bufferViews")[view], "target");
+    if ((use == vertices && target == kIndexTarget) || (use == indices && target == kVertexTarget)) {
+      error(pointer, "the buffer view " + std::to_string(view) + " has the target of something else (found " +
+                         target.dump() + ")");
+    }
   }
 
   void views() {
     eachOf("bufferViews", [&](const json& view, const std::string& pointer) {
-      choice(view, "target", pointer, {34962, 34963});
+      choice(view, "target", pointer, {kVertexTarget, kIndexTarget});
     });
   }
 
@@ -396,6 +402,10 @@ class CoreRules {
         for (const char* key : {"skin", "weights"}) {
           if (node.contains(key)) error(pointer + "/" + key, "stands without a mesh");
         }
+      } else if (node.contains("skin")) {
+        const json& primitives = list(root_, "meshes")[node["mesh"].get<std::size_t>()]["primitives"];
+        const auto jointed = [](const json& primitive) { return primitive["attributes"].contains("JOINTS_0"); };
+        if (std::ranges::none_of(primitives, jointed)) error(pointer + "/skin", "is of a mesh without JOINTS_0");
       }
       pose(node, pointer);
       uniqueNonEmpty(node, "children", pointer);

@@ -124,6 +124,13 @@ TEST_CASE("check finds what glTF itself forbids") {
        "/extensionsRequired/0: is required and not listed in extensionsUsed"},
       {[&](Glb& g) { g.json["asset"]["minVersion"] = "two"; },
        "/asset/minVersion: is no version (expected MAJOR.MINOR, found \"two\")"},
+      {[&](Glb& g) { g.view("POSITION")["target"] = 34963; },
+       kPrimitive + "/attributes/POSITION: the buffer view 0 has the target of something else (found 34963)"},
+      {[&](Glb& g) {
+         g.json["skins"] = {{{"joints", {0}}}};
+         g.json["nodes"][0]["skin"] = 0;
+       },
+       "/nodes/0/skin: is of a mesh without JOINTS_0"},
       {[&](Glb& g) { g.json["asset"]["version"] = "2.0a"; },
        "/asset/version: is no version (expected MAJOR.MINOR, found \"2.0a\")"},
       {[&](Glb& g) { g.json["nodes"][0]["extensions"]["KHR_materials_unlit"] = json::object(); },
