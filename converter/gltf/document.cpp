@@ -120,8 +120,8 @@ std::vector<std::uint8_t> withJson(const json& root, std::span<const std::uint8_
 
 // Resolves and checks what was parsed of `bytes`; where that is no longer their JSON, they are those of `made` then.
 void check(GltfJson& parsed, std::span<const std::uint8_t>& bytes, std::vector<std::uint8_t>& made,
-           const std::string& path, const std::optional<std::filesystem::path>& folder) {
-  if (auto resolved = resolveGltf(parsed.root, bytes, partsOf(bytes, path), folder, path)) {
+           const std::string& path, const std::optional<std::filesystem::path>& folder, bool splats_alone) {
+  if (auto resolved = resolveGltf(parsed.root, bytes, partsOf(bytes, path), folder, path, splats_alone)) {
     bytes = made = std::move(*resolved);
   } else if (parsed.rewritten) {
     bytes = made = withJson(parsed.root, bytes, path);
@@ -193,12 +193,12 @@ std::vector<std::string> unreadOf(const json& root) {
 
 // Of parsed.root, which has been parsed and nothing else.
 GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const std::string& path,
-                  const std::optional<std::filesystem::path>& folder) {
+                  const std::optional<std::filesystem::path>& folder, bool splats_alone) {
   GltfDocument document;
   document.path = path;
   std::vector<std::uint8_t> made;
   if (needsResolving(parsed.root)) parsed.stored = parsed.root;
-  check(parsed, bytes, made, path, folder);
+  check(parsed, bytes, made, path, folder, splats_alone);
   document.hollow_layers = hollowLayers(parsed.root);
   document.unread = unreadOf(parsed.root);
   parse(document.model, path, isGlb(bytes), bytes);
@@ -215,6 +215,42 @@ bool holdsUris(const json& root) {
   return std::ranges::any_of(std::array{"buffers", "images"}, [&](const char* list) {
     return root.contains(list) && std::ranges::any_of(root.at(list), has_uri);
   });
+}
+
+GltfDocument openDocument(const std::filesystem::path& path, GltfJson& parsed, bool splats_alone) {
+  const auto whole = [&] {
+    const std::vector<std::uint8_t> bytes = readFile(path, kMaxGltfBytes);
+    parsed = parseJsonOf(bytes, path.string());
+    return load(parsed, bytes, path.string(), folderOf(path), splats_alone);
+  };
+  if (!isFile(path)) return whole();  // a pipe, or nothing
+  GltfDocument document;
+  document.path = path.string();
+  document.file = std::make_shared<const FileReader>(path, kMaxGltfBytes);
+  std::vector<std::uint8_t> bytes = headOf(*document.file);
+  if (bytes.empty()) return whole();
+  const GltfParts parts = splitGlb(bytes, document.file->size(), document.path);
+  parsed = parseGltfJson(parts.json, document.path);
+  json& root = parsed.root;
+  if (needsResolving(root) || holdsUris(root)) {
+    const std::size_t head = bytes.size();
+    bytes.resize(static_cast<std::size_t>(document.file->size()));
+    document.file->read(head, std::span(bytes).subspan(head));
+    return load(parsed, bytes, document.path, folderOf(path), splats_alone);
+  }
+  checkGltfJson(root, parts, document.path);
+  document.hollow_layers = hollowLayers(root);
+  document.unread = unreadOf(root);
+  parseWithout(document.model, document.path, root, kLeftOut);
+  document.bin_offset = parts.bin_offset;
+  for (const json& entry : list(root, "images")) {
+    tinygltf::Image& image = document.model.images.emplace_back();
+    image.bufferView = entry.at("bufferView").get<int>();
+    if (const auto type = entry.find("mimeType"); type != entry.end() && type->is_string()) image.mimeType = *type;
+    image.image.resize(document.model.bufferViews[static_cast<std::size_t>(image.bufferView)].byteLength);
+    document.read(image.bufferView, 0, image.image);
+  }
+  return document;
 }
 
 }  // namespace
@@ -245,49 +281,15 @@ std::vector<std::string> gltfFilesBeside(const std::filesystem::path& path) {
 
 GltfDocument openGltf(const std::filesystem::path& path) {
   GltfJson unused;
-  return openGltf(path, unused);
+  return openDocument(path, unused, true);
 }
 
-GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed) {
-  const auto whole = [&] {
-    const std::vector<std::uint8_t> bytes = readFile(path, kMaxGltfBytes);
-    parsed = parseJsonOf(bytes, path.string());
-    return load(parsed, bytes, path.string(), folderOf(path));
-  };
-  if (!isFile(path)) return whole();  // a pipe, or nothing
-  GltfDocument document;
-  document.path = path.string();
-  document.file = std::make_shared<const FileReader>(path, kMaxGltfBytes);
-  std::vector<std::uint8_t> bytes = headOf(*document.file);
-  if (bytes.empty()) return whole();
-  const GltfParts parts = splitGlb(bytes, document.file->size(), document.path);
-  parsed = parseGltfJson(parts.json, document.path);
-  json& root = parsed.root;
-  if (needsResolving(root) || holdsUris(root)) {
-    const std::size_t head = bytes.size();
-    bytes.resize(static_cast<std::size_t>(document.file->size()));
-    document.file->read(head, std::span(bytes).subspan(head));
-    return load(parsed, bytes, document.path, folderOf(path));
-  }
-  checkGltfJson(root, parts, document.path);
-  document.hollow_layers = hollowLayers(root);
-  document.unread = unreadOf(root);
-  parseWithout(document.model, document.path, root, kLeftOut);
-  document.bin_offset = parts.bin_offset;
-  for (const json& entry : list(root, "images")) {
-    tinygltf::Image& image = document.model.images.emplace_back();
-    image.bufferView = entry.at("bufferView").get<int>();
-    if (const auto type = entry.find("mimeType"); type != entry.end() && type->is_string()) image.mimeType = *type;
-    image.image.resize(document.model.bufferViews[static_cast<std::size_t>(image.bufferView)].byteLength);
-    document.read(image.bufferView, 0, image.image);
-  }
-  return document;
-}
+GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed) { return openDocument(path, parsed, false); }
 
 GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& path,
                       const std::optional<std::filesystem::path>& folder) {
   GltfJson parsed = parseJsonOf(bytes, path);
-  return load(parsed, bytes, path, folder);
+  return load(parsed, bytes, path, folder, true);
 }
 
 }  // namespace tg

@@ -85,7 +85,7 @@ GltfDocument loadGltf(std::span<const std::uint8_t> bytes, const std::string& pa
 GltfDocument openGltf(const std::filesystem::path& path);
 // Names of the files beside a .gltf that its buffers and images are in, each once. Throws Error(cannotRead / badData).
 std::vector<std::string> gltfFilesBeside(const std::filesystem::path& path);
-// Hands over the JSON, too.
+// Hands over the JSON, too, and has the numbers of meshes beside the splats where they are packed.
 GltfDocument openGltf(const std::filesystem::path& path, GltfJson& parsed);
 
 }  // namespace tg

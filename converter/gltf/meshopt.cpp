@@ -91,6 +91,18 @@ void roundComponents(std::span<std::uint8_t> elements, int bits) {
   }
 }
 
+constexpr unsigned kVertexStream = 0xA0, kTriangleStream = 0xE0, kIndexStream = 0xD0;  // the first byte, and a version
+constexpr unsigned kVertexVersion = MESHOPTIMIZER_VERSION >= 230 ? 1 : 0, kIndexVersion = 1;  // that the library knows
+
+// Why the library does not take a stream.
+std::string refusalOf(std::span<const std::uint8_t> stream, unsigned kind, unsigned known) {
+  const unsigned first = stream.empty() ? 0u : stream[0], version = first & 0xF;
+  if ((first & 0xF0) != kind || version <= known) return "the packed stream is broken";
+  return "the packed stream is of version " + std::to_string(version) + ", which libmeshoptimizer " +
+         std::to_string(MESHOPTIMIZER_VERSION / 1000) + "." + std::to_string(MESHOPTIMIZER_VERSION % 1000 / 10) +
+         " of this program does not know (expected at most " + std::to_string(known) + ")";
+}
+
 // An exponent for every float.
 void encodeSingleFloats(void* to, std::size_t count, int bits, const float* from) {
 #if MESHOPTIMIZER_VERSION >= 200
@@ -150,7 +162,9 @@ std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std
     const int code = mode == "TRIANGLES"
                          ? meshopt_decodeIndexBuffer(indices.data(), count, stride, bytes.data(), bytes.size())
                          : meshopt_decodeIndexSequence(indices.data(), count, stride, bytes.data(), bytes.size());
-    if (code != 0) throw fail("the packed stream is broken");
+    if (code != 0) {
+      throw fail(refusalOf(bytes, mode == "TRIANGLES" ? kTriangleStream : kIndexStream, kIndexVersion));
+    }
     return indices;
   }
   if (mode != "ATTRIBUTES") throw fail("unknown \"mode\" (expected \"ATTRIBUTES\", \"TRIANGLES\" or \"INDICES\")");
@@ -159,7 +173,7 @@ std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std
   }
   std::vector<std::uint8_t> out(count * stride);
   if (meshopt_decodeVertexBuffer(out.data(), count, stride, bytes.data(), bytes.size()) != 0) {
-    throw fail("the packed stream is broken");
+    throw fail(refusalOf(bytes, kVertexStream, kVertexVersion));
   }
   if (filter == "OCTAHEDRAL") {
     if (stride != 4 && stride != 8) throw fail("wrong \"byteStride\" for the filter (expected 4 or 8)");
@@ -170,7 +184,8 @@ std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std
   } else if (filter == "EXPONENTIAL") {
     meshopt_decodeFilterExp(out.data(), count, stride);
   } else if (filter != "NONE") {
-    throw fail("unknown \"filter\" (expected NONE, OCTAHEDRAL, QUATERNION or EXPONENTIAL)");
+    throw fail((filter == "COLOR" ? "the filter COLOR is not supported" : "unknown \"filter\"") +
+               std::string(" (expected NONE, OCTAHEDRAL, QUATERNION or EXPONENTIAL)"));
   }
   return out;
 }

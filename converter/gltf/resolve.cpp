@@ -6,9 +6,11 @@
 #include <array>
 #include <charconv>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "converter/gltf/document.h"
 #include "converter/gltf/document_check.h"
+#include "converter/gltf/json_members.h"
 #include "converter/gltf/meshopt.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
@@ -38,11 +40,40 @@ bool isExternal(const json& object) {
   return object.is_object() && object.contains("uri") && !isDataUri(object.at("uri"));
 }
 
+// Of accessors that no splat has: those of other meshes, and colours for viewers of plain points.
+std::set<std::size_t> viewsBesideSplats(const json& root) {
+  std::set<std::size_t> read, found;
+  const auto add = [](const json& object, std::set<std::size_t>& to) {
+    if (const json& view = member(object, "bufferView"); view.is_number_unsigned()) to.insert(view.get<std::size_t>());
+  };
+  const auto addAccessor = [&](const json& accessor, std::set<std::size_t>& to) {
+    const json& sparse = member(accessor, "sparse");
+    for (const json* part : {&accessor, &member(sparse, "indices"), &member(sparse, "values")}) add(*part, to);
+  };
+  const json& accessors = list(root, "accessors");
+  for (const json& accessor : accessors) addAccessor(accessor, found);
+  for (const json& image : list(root, "images")) add(image, read);
+  for (const json& mesh : list(root, "meshes")) {
+    for (const json& primitive : list(mesh, "primitives")) {
+      const json& attributes = member(primitive, "attributes");
+      if (!attributes.is_object() || !child(primitive, "extensions").contains(kSplatExtension)) continue;
+      for (const auto& [name, index] : attributes.items()) {
+        const bool of_splats = name == "POSITION" || name.starts_with("_TG_") || name.find(':') != name.npos;
+        if (!of_splats || !index.is_number_unsigned() || index.get<std::size_t>() >= accessors.size()) continue;
+        addAccessor(accessors[index.get<std::size_t>()], read);
+      }
+    }
+  }
+  std::erase_if(found, [&](std::size_t view) { return read.contains(view); });
+  return found;
+}
+
 class Resolver {
  public:
   Resolver(std::span<const std::uint8_t> bytes, const GltfParts& parts,
-           const std::optional<std::filesystem::path>& folder, const std::string& path, json& root)
+           const std::optional<std::filesystem::path>& folder, const std::string& path, json& root, bool splats_alone)
       : parts_(parts), folder_(folder), path_(path), root_(root) {
+    if (splats_alone) unread_ = viewsBesideSplats(root);
     if (parts.bin_bytes) file_bin_ = bytes.subspan(static_cast<std::size_t>(parts.bin_offset), *parts.bin_bytes);
   }
 
@@ -166,7 +197,7 @@ class Resolver {
       json& view = root_["bufferViews"][v];
       const std::string pointer = "/bufferViews/" + std::to_string(v);
       if (const char* codec = codecOf(view)) {
-        unpack(view, codec, pointer);
+        unpack(view, codec, pointer, unread_.contains(v));
         continue;
       }
       const Source& source = sourceOf(view, pointer);
@@ -181,7 +212,7 @@ class Resolver {
     }
   }
 
-  void unpack(json& view, const char* codec, const std::string& pointer) {
+  void unpack(json& view, const char* codec, const std::string& pointer, bool unread) {
     const std::string place = pointer + "/extensions/" + codec;
     const json packed = view["extensions"][codec];
     const Source& source = sourceOf(packed, place);
@@ -205,8 +236,9 @@ class Resolver {
     const std::vector<std::uint8_t> from(bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset),
                                          bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset + bytes));
     const std::vector<std::uint8_t> out =
-        unpackMeshopt(from, static_cast<std::size_t>(count), static_cast<std::size_t>(stride), text("mode", ""),
-                      text("filter", "NONE"), path_ + ": " + place);
+        unread ? std::vector<std::uint8_t>(static_cast<std::size_t>(count * stride))
+               : unpackMeshopt(from, static_cast<std::size_t>(count), static_cast<std::size_t>(stride),
+                               text("mode", ""), text("filter", "NONE"), path_ + ": " + place);
     const std::uint64_t length = number(view, "byteLength", std::nullopt, pointer);
     if (length != out.size()) {
       fail(pointer + "/byteLength", "differs from what is packed (expected " + std::to_string(out.size()) + ", found " +
@@ -258,6 +290,7 @@ class Resolver {
   std::span<const std::uint8_t> file_bin_;
   std::vector<std::uint8_t> bin_;
   std::vector<Source> sources_;
+  std::set<std::size_t> unread_;  // views
 };
 
 }  // namespace
@@ -305,8 +338,8 @@ std::optional<std::string> nameBeside(std::string_view uri) {
 std::optional<std::vector<std::uint8_t>> resolveGltf(json& root, std::span<const std::uint8_t> bytes,
                                                      const GltfParts& parts,
                                                      const std::optional<std::filesystem::path>& folder,
-                                                     const std::string& path) {
-  return Resolver(bytes, parts, folder, path, root).run();
+                                                     const std::string& path, bool splats_alone) {
+  return Resolver(bytes, parts, folder, path, root, splats_alone).run();
 }
 
 }  // namespace tg

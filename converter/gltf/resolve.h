@@ -26,10 +26,11 @@ std::optional<std::string> nameBeside(std::string_view uri);
 // Makes a GLB without external files and packed views of the document `root`, which is the GLB's JSON afterwards;
 // nothing when it has neither. `folder`: of the file; without one, external files are refused. Names of files are
 // relative, without "..", scheme and leading slash. Nothing is allocated that the sizes of files and streams do not
-// justify. Throws Error(badData) with a JSON pointer.
+// justify. `splats_alone`: packed views of other meshes, and of attributes that no splat has, are full of zeros. Throws
+// Error(badData) with a JSON pointer.
 std::optional<std::vector<std::uint8_t>> resolveGltf(nlohmann::json& root, std::span<const std::uint8_t> bytes,
                                                      const GltfParts& parts,
                                                      const std::optional<std::filesystem::path>& folder,
-                                                     const std::string& path);
+                                                     const std::string& path, bool splats_alone);
 
 }  // namespace tg

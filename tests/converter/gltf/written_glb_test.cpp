@@ -115,6 +115,47 @@ TEST_CASE("packed attributes of few Gaussians share a view for each stride and f
   CHECK(checkFile(path).errors.empty());
 }
 
+TEST_CASE("packed views that no splat needs are no obstacle to reading, and streams of later versions are named") {
+  TG_SKIP_IF(hasMeshopt() ? std::string() : std::string(missingMeshopt()));
+  const Scratch scratch;
+  const auto path = scratch.folder() / "a.glb";
+  const std::string codec = "EXT_meshopt_compression";
+  writeGlb(path, {test::makeScene(SceneKind::ordinary, 24, 40).model, {}, glm::vec3(0.0f), {.meshopt = true}});
+  const GaussianModel expected = readModel(path).model;
+  const Glb sound = Glb::read(path);
+
+  Glb colored = sound;
+  nlohmann::json view = colored.view("POSITION");
+  const std::vector<std::uint8_t> stream = packMeshopt(std::vector<std::uint8_t>(40 * 8, 7), 8);
+  colored.bin.resize((colored.bin.size() + 3) / 4 * 4);
+  nlohmann::json& packed = view["extensions"][codec];
+  packed = {{"buffer", packed["buffer"]},
+            {"byteOffset", colored.bin.size()},
+            {"byteLength", stream.size()},
+            {"byteStride", 8},
+            {"count", 40},
+            {"mode", "ATTRIBUTES"},
+            {"filter", "COLOR"}};
+  view["byteLength"] = 40 * 8;
+  view["byteStride"] = 8;
+  colored.bin.append(stream.begin(), stream.end());
+  colored.json["buffers"][packed["buffer"].get<int>()]["byteLength"] = colored.bin.size();
+  const std::size_t last = colored.json["bufferViews"].size();
+  colored.json["bufferViews"].push_back(view);
+  colored.accessor("COLOR_0")["bufferView"] = last;
+  colored.accessor("COLOR_0")["byteOffset"] = 0;
+  CHECK(readModel(scratch.write("color.glb", colored.bytes())).model == expected);
+  const CheckReport report = checkFile(scratch.folder() / "color.glb");
+  REQUIRE(report.errors.size() == 1);
+  CHECK(report.errors[0].pointer == "/bufferViews/" + std::to_string(last) + "/extensions/" + codec);
+  CHECK_THAT(report.errors[0].message, Contains("the filter COLOR is not supported"));
+
+  Glb later = sound;
+  later.bin[later.view("POSITION")["extensions"][codec].value("byteOffset", std::size_t{0})] = '\xAF';
+  CHECK_THAT(refusal(scratch.write("later.glb", later.bytes())),
+             Contains("the packed stream is of version 15, which libmeshoptimizer"));
+}
+
 TEST_CASE("packed rectangles of Gaussians without a texture cost little, and come back as none") {
   TG_SKIP_IF(hasMeshopt() ? std::string() : std::string(missingMeshopt()));
   const Scratch scratch;
