@@ -42,11 +42,11 @@ GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes
            expectedFound("at most " + std::to_string(file_bytes - at) + " bytes", std::to_string(length)));
     }
     if (chunk == 0 && type != kChunkJson) fail("the first chunk is not JSON");
-    if (chunk == 1 && type != kChunkBin) fail("the second chunk is not BIN");
     if (chunk == 0) parts.json = bytes.subspan(at, length);
-    if (chunk == 1 && length == 0) fail("the BIN chunk is empty");
-    if (chunk == 1) parts.bin_bytes = length;
-    if (chunk == 1) parts.bin_offset = at;
+    if (chunk == 1 && type == kChunkBin) {
+      parts.bin_bytes = length;
+      parts.bin_offset = at;
+    }
     at += length;
   }
   return parts;

@@ -13,7 +13,7 @@ namespace tg {
 // The parts of a GLB container, or the whole file as `json`.
 struct GltfParts {
   std::span<const std::uint8_t> json;
-  std::optional<std::uint64_t> bin_bytes;  // length of the BIN chunk
+  std::optional<std::uint64_t> bin_bytes;  // length of the BIN chunk, which comes second where there is one
   std::uint64_t bin_offset = 0;            // of its content in the file
   bool binary = false;
 };
@@ -22,7 +22,7 @@ inline constexpr std::uint64_t kMaxGltfBytes = 0xFFFFFFFF;  // what a GLB header
 inline constexpr std::size_t kGlbHeaderBytes = 12, kChunkHeaderBytes = 8;
 
 // Of a file of `file_bytes`, of which `bytes` reach to the content of the last chunk or further. Throws Error(badData):
-// magic, version, length, chunk lengths and types.
+// magic, version, length, chunk lengths, a first chunk that is not JSON. Chunks of other types are passed over.
 GltfParts splitGlb(std::span<const std::uint8_t> bytes, std::uint64_t file_bytes, const std::string& path);
 
 // What precedes the content of the BIN chunk in a GLB: headers, and the JSON in between. Both lengths are multiples of

@@ -112,7 +112,7 @@ GltfJson parseJsonOf(std::span<const std::uint8_t> bytes, const std::string& pat
 std::vector<std::uint8_t> withJson(const json& root, std::span<const std::uint8_t> bytes, const std::string& path) {
   const std::string text = root.dump(-1, ' ', false, json::error_handler_t::replace);
   const GltfParts parts = partsOf(bytes, path);
-  if (!parts.bin_bytes) return {text.begin(), text.end()};
+  if (parts.bin_bytes.value_or(0) == 0) return {text.begin(), text.end()};
   return glbOf(text,
                bytes.subspan(static_cast<std::size_t>(parts.bin_offset), static_cast<std::size_t>(*parts.bin_bytes)),
                path);
@@ -201,7 +201,9 @@ GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const s
   check(parsed, bytes, made, path, folder, splats_alone);
   document.hollow_layers = hollowLayers(parsed.root);
   document.unread = unreadOf(parsed.root);
-  parse(document.model, path, isGlb(bytes), bytes);
+  const GltfParts parts = partsOf(bytes, path);
+  const bool binary = parts.bin_bytes.value_or(0) > 0;  // else the library wants no container
+  parse(document.model, path, binary, binary ? bytes : parts.json);
   return document;
 }
 

@@ -179,6 +179,29 @@ TEST_CASE("a scene under a node looks as the scene does from a camera moved the 
   CHECK(psnr(picture(still, scene.camera), picture(moved, camera)) > 55.0);
 }
 
+TEST_CASE("a GLB may have chunks of other kinds, and an empty BIN chunk") {
+  const Scratch scratch;
+  Glb glb = smallGlb(scratch);
+  const GaussianModel expected = readModel(scratch.folder() / "small.glb").model;
+  glb.json["buffers"][0]["uri"] = "beside.bin";
+  scratch.write("beside.bin", glb.bin);
+  glb.bin.clear();
+  const std::string bare = glb.bytes();
+  const auto with = [&](const std::string& chunks) {
+    std::string bytes = bare + chunks;
+    const auto length = static_cast<std::uint32_t>(bytes.size());
+    std::memcpy(bytes.data() + 8, &length, sizeof(length));
+    return scratch.write("chunks.glb", bytes);
+  };
+  const std::string empty("\0\0\0\0BIN\0", 8), other("\4\0\0\0????\1\2\3\4", 12);
+  for (const std::string& chunks : {empty, other, other + other, empty + other}) {
+    CHECK(readModel(with(chunks)).model == expected);
+    CHECK(checkFile(scratch.folder() / "chunks.glb").errors.empty());
+  }
+  glb.json["buffers"][0].erase("uri");
+  CHECK(contains(refusal(scratch.write("none.glb", glb.bytes())), "/buffers/0: has neither a uri nor a BIN chunk"));
+}
+
 TEST_CASE("two primitives become one model, padded to the higher degree") {
   const Scratch scratch;
   Glb glb = smallGlb(scratch);
