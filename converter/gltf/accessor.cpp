@@ -130,20 +130,19 @@ std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimit
   if (accessor.count != splats.count) {
     throw document.bad(pointer, "the count differs from POSITION's" + expectedFound(splats.count, accessor.count));
   }
-  // An accessor without a view means zeros: a few bytes of JSON that ask for gigabytes.
-  if (accessor.bufferView < 0) throw document.bad(pointer, "the accessor has no bufferView");
-
-  std::vector<float> values(range.count * components);
-  const tinygltf::BufferView& view = document.model.bufferViews[accessor.bufferView];
-  const std::size_t element =
-      static_cast<std::size_t>(components) * tinygltf::GetComponentSizeInBytes(accessor.componentType);
-  const std::size_t stride = view.byteStride != 0 ? view.byteStride : element;
-  std::vector<std::uint8_t> bytes;
-  for (std::size_t i = 0; i < range.count; i += kReadBlock) {
-    const std::size_t count = std::min(kReadBlock, range.count - i);
-    bytes.resize((count - 1) * stride + element);  // the last one may end with the view
-    document.read(accessor.bufferView, accessor.byteOffset + (range.first + i) * stride, bytes);
-    storage->decode(bytes.data(), stride, count, components, storage->normalized, values.data() + i * components);
+  std::vector<float> values(range.count * components);  // zeros, where the accessor has no view
+  if (accessor.bufferView >= 0) {
+    const tinygltf::BufferView& view = document.model.bufferViews[accessor.bufferView];
+    const std::size_t element =
+        static_cast<std::size_t>(components) * tinygltf::GetComponentSizeInBytes(accessor.componentType);
+    const std::size_t stride = view.byteStride != 0 ? view.byteStride : element;
+    std::vector<std::uint8_t> bytes;
+    for (std::size_t i = 0; i < range.count; i += kReadBlock) {
+      const std::size_t count = std::min(kReadBlock, range.count - i);
+      bytes.resize((count - 1) * stride + element);  // the last one may end with the view
+      document.read(accessor.bufferView, accessor.byteOffset + (range.first + i) * stride, bytes);
+      storage->decode(bytes.data(), stride, count, components, storage->normalized, values.data() + i * components);
+    }
   }
   if (accessor.sparse.isSparse) putSparse(document, accessor, *storage, pointer, components, range, values);
   return values;

@@ -44,7 +44,8 @@ struct SplatRange {
 };
 
 // Of the splats of `range`: [range.count * components], normalised integers mapped to [0, 1] or [-1, 1], sparse values
-// put in place. Throws Error(badData): missing semantic, wrong type, another count, no data.
+// put in place over those of the accessor's view or over zeros. splats.count must be what the file has bytes for.
+// Throws Error(badData): missing semantic, wrong type, another count.
 std::vector<float> readAttribute(const GltfDocument& document, const SplatPrimitive& splats, const AttributeRule& rule,
                                  SplatRange range);
 // Of all splats.

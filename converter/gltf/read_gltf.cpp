@@ -237,6 +237,11 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
           instance.packed = readSpzPrimitive(document, instance.splats, *spz);
           instance.degree = instance.packed->sh_degree;
         } else {
+          // Zeros, of which a few bytes of JSON ask for gigabytes.
+          if (accessor.bufferView < 0) {
+            throw document.bad(instance.splats.pointer + "/attributes/POSITION",
+                               "without a bufferView is not supported");
+          }
           instance.degree = findDegree(document, instance.splats);
           if (hasHigherDegree(instance.splats)) {
             document.warn(instance.splats.pointer + "/attributes", "SH above degree 3 is left out");
