@@ -150,18 +150,17 @@ std::optional<Camera> readCamera(GltfDocument& document, const PlacedNode& place
     document.warn(pointer, "skipped (expected a perspective camera with 0 < yfov < pi)");
     return std::nullopt;
   }
-  RigidScale pose;
-  try {
-    pose = decompose(document, placed);
-  } catch (const Error&) {
+  std::string wrong;
+  const std::optional<RigidScale> pose = decompose(placed.world_from_node, wrong);
+  if (!pose) {
     document.warn("/nodes/" + std::to_string(placed.node), "camera skipped: its pose is not rigid");
     return std::nullopt;
   }
   Camera camera;
   camera.name = node.name;
-  const glm::dmat3 world_from_camera = turnCameraAxes(turnWorldAxes(pose.rotation));
+  const glm::dmat3 world_from_camera = turnCameraAxes(turnWorldAxes(pose->rotation));
   camera.rotation = glm::transpose(world_from_camera);
-  camera.translation = -camera.rotation * turnAxes(pose.translation);
+  camera.translation = -camera.rotation * turnAxes(pose->translation);
   if (!readExtras(node.extras, camera)) {
     const double aspect = gltf.perspective.aspectRatio;
     camera.size.y = kDefaultRows;

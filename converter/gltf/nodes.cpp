@@ -3,7 +3,10 @@
 #include "converter/gltf/nodes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
+#include <utility>
 
 #include "converter/gltf/axes.h"
 
@@ -11,8 +14,6 @@ namespace tg {
 namespace {
 
 constexpr double kNodeTolerance = 1e-4;  // relative: transforms written as floats, several levels deep
-
-std::string pointerOf(int node) { return "/nodes/" + std::to_string(node); }
 
 glm::dmat4 localMatrix(const GltfDocument& document, int index) {
   const tinygltf::Node& node = document.model.nodes[index];
@@ -24,7 +25,7 @@ glm::dmat4 localMatrix(const GltfDocument& document, int index) {
   glm::dmat3 linear(1.0);
   if (node.rotation.size() == 4) {
     const glm::dvec4 q(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]);
-    if (!(glm::length(q) > 0.0)) throw document.bad(pointerOf(index) + "/rotation", "the quaternion has no length");
+    if (!(glm::length(q) > 0.0)) throw document.bad(nodePointer(index) + "/rotation", "the quaternion has no length");
     linear = matrixFromQuaternion(q);
   }
   if (node.scale.size() == 3) {
@@ -52,11 +53,13 @@ std::vector<int> rootNodes(const tinygltf::Model& model) {
 
 }  // namespace
 
+std::string nodePointer(int node) { return "/nodes/" + std::to_string(node); }
+
 std::vector<PlacedNode> placeNodes(const GltfDocument& document, const glm::dmat4& world_from_scene) {
   std::vector<PlacedNode> placed;
   std::vector<bool> seen(document.model.nodes.size(), false);
   const auto add = [&](int node, const glm::dmat4& parent) {
-    if (seen[node]) throw document.bad(pointerOf(node), "the node is reached twice (expected a tree)");
+    if (seen[node]) throw document.bad(nodePointer(node), "the node is reached twice (expected a tree)");
     seen[node] = true;
     placed.push_back({node, parent * localMatrix(document, node)});
   };
@@ -94,11 +97,55 @@ std::optional<RigidScale> decompose(const glm::dmat4& m, std::string& wrong) {
   return result;
 }
 
-RigidScale decompose(const GltfDocument& document, const PlacedNode& placed) {
+RigidScale decomposeStretched(const GltfDocument& document, const PlacedNode& placed) {
   std::string wrong;
-  const std::optional<RigidScale> result = decompose(placed.world_from_node, wrong);
-  if (!result) throw document.bad(pointerOf(placed.node), wrong);
+  if (const std::optional<RigidScale> rigid = decompose(placed.world_from_node, wrong)) return *rigid;
+  const glm::dmat3 linear(placed.world_from_node);
+  const glm::dvec3 lengths(glm::length(linear[0]), glm::length(linear[1]), glm::length(linear[2]));
+  glm::dmat4 rest = placed.world_from_node;
+  for (int axis = 0; axis < 3; ++axis) rest[axis] /= lengths[axis];
+  std::string again;
+  std::optional<RigidScale> result = decompose(rest, again);
+  if (!result) throw document.bad(nodePointer(placed.node), wrong);
+  result->scale = std::cbrt(lengths.x * lengths.y * lengths.z);
+  result->stretch = lengths / result->scale;
+  result->identity = false;
   return *result;
+}
+
+glm::dvec3 principalAxes(glm::dmat3 axes, glm::dmat3& rotation) {
+  // One-sided Jacobi rotations: thin axes keep their digits, which a covariance's eigenvalues would lose.
+  constexpr int kMostSweeps = 30;
+  constexpr double kOrthogonal = 1e-15;
+  for (int sweep = 0, turned = 1; sweep < kMostSweeps && turned != 0; ++sweep) {
+    turned = 0;
+    for (const auto& [p, q] : {std::pair{0, 1}, {0, 2}, {1, 2}}) {
+      const double pp = glm::dot(axes[p], axes[p]), qq = glm::dot(axes[q], axes[q]), pq = glm::dot(axes[p], axes[q]);
+      if (!(std::abs(pq) > kOrthogonal * std::sqrt(pp) * std::sqrt(qq))) continue;
+      const double zeta = (qq - pp) / (2.0 * pq);
+      const double tangent = std::copysign(1.0, zeta) / (std::abs(zeta) + std::hypot(1.0, zeta));
+      const double cosine = 1.0 / std::hypot(1.0, tangent), sine = cosine * tangent;
+      const glm::dvec3 first = axes[p];
+      axes[p] = cosine * first - sine * axes[q];
+      axes[q] = sine * first + cosine * axes[q];
+      ++turned;
+    }
+  }
+  std::array<glm::dvec3, 3> longest = {axes[0], axes[1], axes[2]};
+  std::ranges::sort(longest, std::greater(), [](const glm::dvec3& axis) { return glm::dot(axis, axis); });
+  const glm::dvec3 lengths(glm::length(longest[0]), glm::length(longest[1]), glm::length(longest[2]));
+  rotation = glm::dmat3(1.0);
+  if (lengths[0] > 0.0) rotation[0] = longest[0] / lengths[0];
+  glm::dvec3 other = longest[1];
+  if (!(lengths[1] > 0.0)) {  // any that is not along the first
+    other = glm::dvec3(0.0);
+    const glm::dvec3 size = glm::abs(rotation[0]);
+    other[size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2] = 1.0;
+  }
+  other /= std::max({std::abs(other.x), std::abs(other.y), std::abs(other.z)});
+  rotation[1] = glm::normalize(other - glm::dot(other, rotation[0]) * rotation[0]);
+  rotation[2] = glm::cross(rotation[0], rotation[1]);
+  return lengths;
 }
 
 }  // namespace tg

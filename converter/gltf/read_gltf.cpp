@@ -44,6 +44,7 @@ constexpr int kMaxGltfDegree = 3;
 struct SplatInstance {
   SplatPrimitive splats;
   RigidScale place;
+  int node = 0;
   int degree = 0;
   bool linear = false;  // its colours
   bool log_scales = false;
@@ -247,7 +248,8 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
             document.warn(instance.splats.pointer + "/attributes", "SH above degree 3 is left out");
           }
         }
-        instance.place = decompose(document, placed);
+        instance.place = decomposeStretched(document, placed);
+        instance.node = placed.node;
         instance.linear = found->second.Has("colorSpace") && found->second.Get("colorSpace").IsString() &&
                           found->second.Get("colorSpace").Get<std::string>() == "lin_rec709_display";
         instances.push_back(std::move(instance));
@@ -408,6 +410,16 @@ void restoreSource(const BaseArrays& base, std::size_t i, bool ordered, glm::vec
   rotation = source_rotation;
 }
 
+// The shape of a splat without a texture under a node that scales axes differently.
+void stretch(const RigidScale& place, glm::vec3& scale, glm::vec4& q) {
+  glm::dmat3 axes = matrixFromQuaternion(glm::dvec4(q)), rotation;
+  for (int axis = 0; axis < 3; ++axis) {
+    axes[axis] = place.scale * (place.rotation * (place.stretch * axes[axis])) * static_cast<double>(scale[axis]);
+  }
+  scale = glm::vec3(principalAxes(axes, rotation));
+  q = glm::vec4(quaternionFromMatrix(rotation));
+}
+
 // Appends splats of a primitive in the model's world. `layer` may be null.
 void append(const SplatInstance& instance, const BaseArrays& base, const TextureLayer* layer, GaussianModel& model,
             Repairs& repairs) {
@@ -446,10 +458,14 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
       sh[k] = {from[0], from[1], from[2]};
     }
     if (!instance.place.identity) {
-      mean =
-          glm::vec3(instance.place.scale * (instance.place.rotation * glm::dvec3(mean)) + instance.place.translation);
-      q = glm::vec4(multiply(node_rotation, glm::normalize(glm::dvec4(q))));
-      scale *= static_cast<float>(instance.place.scale);
+      mean = glm::vec3(instance.place.scale * (instance.place.rotation * (instance.place.stretch * glm::dvec3(mean))) +
+                       instance.place.translation);
+      if (instance.place.stretch == glm::dvec3(1.0)) {
+        q = glm::vec4(multiply(node_rotation, glm::normalize(glm::dvec4(q))));
+        scale *= static_cast<float>(instance.place.scale);
+      } else {
+        stretch(instance.place, scale, q);
+      }
       sh_rotation.apply(sh);
     }
     turnShAxes(sh);
@@ -553,6 +569,11 @@ Bundle assemble(GltfDocument& document, const ReadOptions& options,
     std::optional<TextureLayer> layer;
     const tinygltf::Value* extension = findTextureExtension(*instance.splats.primitive);
     if (extension != nullptr && !options.base_only) {
+      if (instance.place.stretch != glm::dvec3(1.0)) {
+        throw document.bad(nodePointer(instance.node),
+                           "a transform that stretches is not supported of splats with textures (expected a uniform "
+                           "scale, a rotation and a translation)");
+      }
       layer = readTextureLayer(document, instance.splats, *extension, decoded);
       if (&instance == &instances.back()) decoded.pages = {};
       if (textured && layer->intersection != model.intersection) {
