@@ -75,11 +75,13 @@ bool nameField(FileDialog& dialog) {
   browser.text.copy(text.data(), text.size() - 1);
   ImGui::SetNextItemWidth(-1);
   const char* hint = browser.saves ? "Name" : "Type to filter, or a path; Tab completes it";
-  return ImGui::InputTextWithHint("##name", hint, text.data(), text.size(),
-                                  ImGuiInputTextFlags_CallbackEdit | ImGuiInputTextFlags_CallbackCompletion |
-                                      ImGuiInputTextFlags_CallbackHistory | ImGuiInputTextFlags_EnterReturnsTrue |
-                                      ImGuiInputTextFlags_AutoSelectAll,
-                                  onTyping, &browser);
+  const bool entered = ImGui::InputTextWithHint(
+      "##name", hint, text.data(), text.size(),
+      ImGuiInputTextFlags_CallbackEdit | ImGuiInputTextFlags_CallbackCompletion | ImGuiInputTextFlags_CallbackHistory |
+          ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll,
+      onTyping, &browser);
+  dialog.has_keyboard = dialog.has_keyboard || ImGui::IsItemActive();
+  return entered;
 }
 
 void places(FileBrowser& browser) {

@@ -171,6 +171,7 @@ void sayNotWritten(ViewerState& state, std::optional<FileDialog> dialog, const s
   dialog->problem = problem;
   dialog->chosen.reset();
   dialog->fresh = true;
+  dialog->has_keyboard = false;
   enterFolder(dialog->browser, dialog->browser.folder);  // as it is now
   state.desktop.dialog = std::move(dialog);
 }

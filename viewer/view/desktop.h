@@ -29,6 +29,7 @@ struct FileDialog {
   FileBrowser browser;
   std::optional<std::filesystem::path> chosen;  // the window takes it
   bool fresh = true;                            // not drawn yet
+  bool has_keyboard = false;                    // its field, or had it
   std::string problem;                          // why what was chosen could not be written; "" = nothing was
 };
 

@@ -4,6 +4,7 @@
 
 #include <cstdlib>
 #include <string>
+#include <utility>
 
 #include "core/system/error.h"
 #include "viewer/view/actions.h"
@@ -23,6 +24,17 @@ std::string lastError() {
 
 Events& eventsOf(GLFWwindow* window) { return *static_cast<Events*>(glfwGetWindowUserPointer(window)); }
 
+InputEvent& add(GLFWwindow* window, InputEvent::Kind kind, int code) {
+  Events& events = eventsOf(window);
+  InputEvent& event = events.waiting.emplace_back();
+  event.kind = kind;
+  event.code = code;
+  event.time = glfwGetTime();
+  event.pointer = events.pointer;
+  if (events.queued) event.place = events.handled + static_cast<std::uint64_t>(events.queued());
+  return event;
+}
+
 // Alt and Super are the window system's. A chord is told by the letter that the keyboard's layout has there.
 void onKey(GLFWwindow* window, int key, int scancode, int action, int mods) {
   if (action != GLFW_PRESS || (mods & (GLFW_MOD_ALT | GLFW_MOD_SUPER))) return;
@@ -32,7 +44,13 @@ void onKey(GLFWwindow* window, int key, int scancode, int action, int mods) {
     const char* letter = glfwGetKeyName(key, scancode);
     if (letter && letter[0] >= 'a' && letter[0] <= 'z' && !letter[1]) key = letter[0] - 'a' + GLFW_KEY_A;
   }
-  eventsOf(window).keys.emplace_back(control ? key | kControl : key, (mods & GLFW_MOD_SHIFT) != 0);
+  if (key >= GLFW_KEY_LEFT_SHIFT && key <= GLFW_KEY_RIGHT_SUPER) return;  // are told with what they change
+  InputEvent& event = add(window, InputEvent::Kind::key, control ? key | kControl : key);
+  event.shift = (mods & GLFW_MOD_SHIFT) != 0;
+}
+
+void onCharacter(GLFWwindow* window, unsigned code) {
+  add(window, InputEvent::Kind::character, static_cast<int>(code));
 }
 
 void onMove(GLFWwindow* window, double x, double y) { eventsOf(window).pointer = {x, y}; }
@@ -43,15 +61,11 @@ void onEnter(GLFWwindow* window, int entered) {
 
 void onButton(GLFWwindow* window, int button, int action, int mods) {
   if ((mods & GLFW_MOD_ALT) == 0) eventsOf(window).alt_up = true;
-  if (button != GLFW_MOUSE_BUTTON_LEFT) return;
-  if (action != GLFW_PRESS) {
-    eventsOf(window).keys_of_drag = eventsOf(window).keys.size();
-    return;
-  }
-  Press press{glfwGetTime(), {}};
-  glfwGetCursorPos(window, &press.at.x, &press.at.y);
-  press.at = eventsOf(window).pointer.value_or(press.at);
-  eventsOf(window).presses.push_back(press);
+  const auto kind = action == GLFW_PRESS ? InputEvent::Kind::press : InputEvent::Kind::release;
+  InputEvent& event = add(window, kind, button);
+  if (event.pointer) return;
+  event.pointer.emplace();
+  glfwGetCursorPos(window, &event.pointer->x, &event.pointer->y);
 }
 
 void onDrop(GLFWwindow* window, int count, const char** paths) {
@@ -68,6 +82,25 @@ Glfw::Glfw() {
   }
 #endif
   if (!glfwInit()) refuseWindow(lastError());
+}
+
+void takeInput(Events& events) {
+  const auto isLetter = [](const InputEvent& event) {
+    if (event.kind == InputEvent::Kind::character) return true;
+    return event.kind == InputEvent::Kind::key && event.code < GLFW_KEY_ESCAPE;
+  };
+  const bool same_key =
+      !events.taken.empty() && !events.waiting.empty() && events.taken.back().kind == InputEvent::Kind::key &&
+      events.waiting.front().kind == InputEvent::Kind::key && events.taken.back().code == events.waiting.front().code;
+  events.taken.clear();
+  if (same_key) return;  // it is up between
+  while (!events.waiting.empty()) {
+    const bool letter = isLetter(events.waiting.front());
+    if (!letter && !events.taken.empty()) return;
+    events.taken.push_back(std::move(events.waiting.front()));
+    events.waiting.pop_front();
+    if (!letter) return;
+  }
 }
 
 WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug) {
@@ -91,6 +124,7 @@ WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug) {
   if (!window) refuseWindow(lastError());
   glfwSetWindowUserPointer(window.get(), &events);
   glfwSetKeyCallback(window.get(), onKey);
+  glfwSetCharCallback(window.get(), onCharacter);
   glfwSetCursorPosCallback(window.get(), onMove);
   glfwSetCursorEnterCallback(window.get(), onEnter);
   glfwSetMouseButtonCallback(window.get(), onButton);

@@ -4,11 +4,12 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 
+#include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <glm/glm.hpp>
 #include <memory>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "render/devices/devices.h"
@@ -23,25 +24,35 @@ class Glfw {
   Glfw& operator=(Glfw&&) = delete;
 };
 
-// The left button going down.
-struct Press {
+// A key or a button going down, a button going up, or a character.
+struct InputEvent {
+  enum class Kind { key, character, press, release };
+  Kind kind = Kind::key;
+  int code = 0;        // key, with kControl where it is held; of Unicode; button
+  bool shift = false;  // of a key
   double time = -1;    // [s] of GLFW's clock
-  glm::dvec2 at{0.0};  // of the window, in its units
+  // Of the window, in its units; none: no event since it left.
+  std::optional<glm::dvec2> pointer;
+  std::uint64_t place = 0;  // in Dear ImGui's own queue, counted since the window opened
 };
 
-// What the callbacks collected since the last frame.
+// What the callbacks collected.
 struct Events {
-  std::vector<Press> presses;
-  std::vector<std::pair<int, bool>> keys;  // key (with kControl), shift
-  // How many of them came before the left button went up; none: it did not.
-  std::optional<std::size_t> keys_of_drag;
-  int chord = 0;                           // what was pressed last with Ctrl, by its place on the keyboard; 0: nothing
-  bool alt_up = false;                     // when a button went down: the window manager may keep the key going up
+  std::deque<InputEvent> waiting;  // in the order in which they came
+  std::vector<InputEvent> taken;   // by this frame
+  int chord = 0;                   // what was pressed last with Ctrl, by its place on the keyboard; 0: nothing
+  bool alt_up = false;             // when a button went down: the window manager may keep the key going up
   std::vector<std::filesystem::path> dropped;
-  // Of the window, in its units, where the last event had it, kept from frame to frame; none: no event since it left.
-  // GLFW itself tells where the pointer is by now.
+  // Where the last event had it, kept from frame to frame. GLFW itself tells where the pointer is by now.
   std::optional<glm::dvec2> pointer;
+  // How much Dear ImGui's own queue holds, and what it has handled of it since the window opened. Null: it has none.
+  int (*queued)() = nullptr;
+  std::uint64_t handled = 0;
 };
+// Takes what the next frame may have at once, in place of what the one before had: letters and their keys, or one of
+// anything else, so that what a key or a button does to the focus is known to whatever comes after it. Nothing between
+// two presses of one key.
+void takeInput(Events& events);
 
 struct WindowCloser {
   void operator()(GLFWwindow* window) const { glfwDestroyWindow(window); }

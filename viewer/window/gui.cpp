@@ -96,43 +96,99 @@ void Gui::end() {
   ImGui::DestroyContext();
 }
 
-void Gui::beginFrame([[maybe_unused]] const Events& events) {
+void Gui::beginFrame(Events& events, bool waits) {
   if (fonts_.stale()) {
     screen_.stopPanels();
     fonts_.load();
     screen_.startPanels();
   }
   screen_.beginPanels();
-#if IMGUI_VERSION_NUM < 18700  // later ones queue events themselves
+  newFrame(events, waits);
+}
+
+#if IMGUI_VERSION_NUM < 18700
+
+// The back end tells how everything is by now, and Dear ImGui sees one press a frame.
+void Gui::newFrame(Events& events, bool waits) {
+  waits ? events.taken.clear() : takeInput(events);
+  using Kind = InputEvent::Kind;
   ImGuiIO& io = ImGui::GetIO();
-  // The back end asks where the pointer is by now: a button going up before that would drag on to there.
-  if (events.pointer && ImGui::IsMousePosValid()) {
-    const glm::vec2 at(*events.pointer);
+  const auto& waiting = events.waiting;
+  const auto& taken = events.taken;
+  const auto& pointer = !taken.empty()     ? taken.back().pointer
+                        : !waiting.empty() ? waiting.front().pointer
+                                           : events.pointer;
+  if (pointer && ImGui::IsMousePosValid()) {
+    const glm::vec2 at(*pointer);
     io.MousePos = {at.x, at.y};
   }
-  for (const int key : std::exchange(held_down_, {})) io.KeysDown[key] = glfwGetKey(window_, key) == GLFW_PRESS;
+  for (int button = 0; button < IM_ARRAYSIZE(io.MouseDown); ++button) {
+    const auto isOfIt = [button](const InputEvent& event) {
+      return (event.kind == Kind::press || event.kind == Kind::release) && event.code == button;
+    };
+    const auto now = std::ranges::find_if(taken, isOfIt);
+    const auto next = std::ranges::find_if(waiting, isOfIt);
+    if (now != taken.end()) {
+      io.MouseDown[button] = now->kind == Kind::press;
+    } else if (next != waiting.end()) {
+      io.MouseDown[button] = next->kind == Kind::release;
+    }
+    if (now == taken.end() || now->kind != Kind::press || button != GLFW_MOUSE_BUTTON_LEFT) continue;
+    // Two are a double click by when they came, not by when their frames do.
+    const double before = std::exchange(pressed_at_, now->time);
+    if (before >= 0) io.MouseClickedTime[button] = ImGui::GetTime() + double{io.DeltaTime} - (now->time - before);
+  }
+  const auto isKey = [&](int key) { return key >= 0 && key < IM_ARRAYSIZE(io.KeysDown); };
+  for (const int key : std::exchange(told_keys_, {})) io.KeysDown[key] = glfwGetKey(window_, key) == GLFW_PRESS;
+  const auto tell = [&](const InputEvent& event, bool down) {
+    const int key = event.code & ~kControl;
+    if (event.kind != Kind::key || !isKey(key) || io.KeysDown[key] == down) return;
+    io.KeysDown[key] = down;
+    told_keys_.push_back(key);
+  };
   io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
   if (events.alt_up) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = io.KeyAlt = false;
   io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
-  for (const auto& [pressed, shift] : events.keys) {
-    const int key = pressed & ~kControl;
-    io.KeyCtrl = io.KeyCtrl || key != pressed;
-    io.KeyShift = io.KeyShift || shift;
-    if (key < 0 || key >= IM_ARRAYSIZE(io.KeysDown) || io.KeysDown[key]) continue;
-    io.KeysDown[key] = true;
-    held_down_.push_back(key);
+  for (const InputEvent& event : waiting) tell(event, false);
+  io.InputQueueCharacters.resize(0);
+  for (const InputEvent& event : taken) {
+    tell(event, true);
+    if (event.kind == Kind::character) io.AddInputCharacter(static_cast<unsigned>(event.code));
+    if (event.kind == Kind::character) io.KeyCtrl = false;
+    if (event.kind != Kind::key) continue;
+    io.KeyCtrl = event.code >= kControl;
+    io.KeyShift = event.shift;
   }
-#endif
   ImGui::NewFrame();
 }
 
-bool Gui::inputQueued() const {
-#if IMGUI_VERSION_NUM < 18700
-  return false;
-#else
-  return !ImGui::GetCurrentContext()->InputEventsQueue.empty();
-#endif
+bool Gui::inputQueued() const { return false; }
+
+#else  // which queues events itself
+
+// Commands keep step with what it has handled.
+void Gui::newFrame(Events& events, bool waits) {
+  ImVector<ImGuiInputEvent>& queue = ImGui::GetCurrentContext()->InputEventsQueue;
+  events.queued = [] {
+    const ImGuiContext* context = ImGui::GetCurrentContext();
+    return context ? context->InputEventsQueue.Size : 0;
+  };
+  ImVector<ImGuiInputEvent> kept;
+  if (waits) kept.swap(queue);
+  const int before = queue.Size;
+  ImGui::NewFrame();
+  events.handled += static_cast<std::uint64_t>(before - queue.Size);
+  if (waits) kept.swap(queue);
+  events.taken.clear();
+  while (!waits && !events.waiting.empty() && (queue.empty() || events.waiting.front().place < events.handled)) {
+    events.taken.push_back(events.waiting.front());
+    events.waiting.pop_front();
+  }
 }
+
+bool Gui::inputQueued() const { return !ImGui::GetCurrentContext()->InputEventsQueue.empty(); }
+
+#endif
 
 void Gui::endFrame() { ImGui::Render(); }
 

@@ -20,8 +20,9 @@ class Gui {
   ~Gui();
   Gui& operator=(Gui&&) = delete;
 
-  // A key of `events` that is up again by now is down in this frame.
-  void beginFrame(const Events& events);
+  // Takes of `events` what the frame may have; nothing where it `waits`. Pointer, buttons and keys are as they were at
+  // that, whatever they are by now.
+  void beginFrame(Events& events, bool waits);
   // Keys and clicks are left for the frames to come: later versions of Dear ImGui take what would be lost within one
   // frame, the letters of a word that is typed fast, one after the other.
   bool inputQueued() const;
@@ -33,12 +34,14 @@ class Gui {
 
  private:
   void end();
+  void newFrame(Events& events, bool waits);
 
   GLFWwindow* window_;
   Screen& screen_;
   const float scale_;
   Fonts fonts_;
-  std::vector<int> held_down_;  // keys that are down for a frame only
+  std::vector<int> told_keys_;  // of this frame, as they were not by its end
+  double pressed_at_ = -1;      // [s] of GLFW's clock: the left button, last
 };
 
 }  // namespace tg

@@ -11,7 +11,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <span>
 #include <utility>
 
 #include "converter/registry/file_format.h"
@@ -51,6 +50,7 @@ constexpr double kMotionPause = 0.008;   // [s] between frames while the camera 
 constexpr double kDoubleClick = 0.4;     // [s] at most between its presses
 constexpr double kStill = 3;             // [UiState::scale] a hand moves while it clicks
 constexpr double kScriptPause = 0.02;    // [s] between looks at what a script waits for
+constexpr int kOpeningFrames = 8;        // at most, that what is typed waits for a dialog
 constexpr int kTrialFrames = 120;        // shown since the device failed, after which it may fail again
 
 constexpr glm::vec3 kSurround(0.106f, 0.118f, 0.137f);  // the panel's colour, beside the picture
@@ -72,7 +72,7 @@ bool heardInput(const Events& events) {
   const auto any = [](const auto& buttons) {
     return std::any_of(std::begin(buttons), std::end(buttons), std::identity());
   };
-  return !events.keys.empty() || !io.InputQueueCharacters.empty() || io.MouseWheel != 0 || io.MouseDelta.x != 0 ||
+  return !events.taken.empty() || !io.InputQueueCharacters.empty() || io.MouseWheel != 0 || io.MouseDelta.x != 0 ||
          io.MouseDelta.y != 0 || any(io.MouseClicked) || any(io.MouseReleased);
 }
 
@@ -90,9 +90,11 @@ class Viewer {
   void keepEdits(bool moving);
   void wishForLevels();
   bool handleMoves();
-  std::vector<std::pair<int, bool>> handleEvents();  // returns the keys that came after a drag: of what it has chosen
-  void pressKeys(std::span<const std::pair<int, bool>> keys);  // with shift or without
-  bool escapeForPanels();  // Esc was pressed, and pressKeys() has not taken it. Once a frame
+  bool awaitsField();
+  bool inputQueued() const { return !events_.waiting.empty() || graphics_->gui.inputQueued(); }
+  void handleEvents();
+  void press(const InputEvent& key);
+  bool escapeForPanels();  // Esc was pressed, and press() has not taken it. Once a frame
   bool handlePointer();
   glm::dvec2 fromMiddle(glm::dvec2 place) const;
   void openCameraFiles();
@@ -157,10 +159,11 @@ class Viewer {
   InspectorThread inspector_;
   DesktopControl desktop_;
   PictureRuns runs_;
-  Press last_press_;
-  bool double_clicked_ = false;  // since the frame before
+  std::optional<InputEvent> last_press_;  // which another one makes a double click
+  bool double_clicked_ = false;           // since the frame before
   int frames_since_event_ = 0;
   int chord_key_ = 0;          // was pressed with Ctrl, and is held
+  int frames_awaited_ = 0;     // of a dialog's field
   int escapes_taken_ = 0;      // of which Dear ImGui may not have told yet
   glm::dvec2 handle_at_{0.0};  // [ImGui units] the pointer while it drags a handle
   double handle_moved_ = -1;   // [s] window time
@@ -230,9 +233,9 @@ int Viewer::run() {
     }
     refused_since_.reset();
     state_.time = glfwGetTime();
-    graphics_->gui.beginFrame(events_);
+    graphics_->gui.beginFrame(events_, awaitsField());
     state_.ui.scale = graphics_->gui.scale();
-    if (heardInput(events_) || graphics_->gui.inputQueued()) frames_since_event_ = 0;
+    if (heardInput(events_) || inputQueued()) frames_since_event_ = 0;
     followAspect();
     openCameraFiles();
     takePicture();
@@ -247,11 +250,10 @@ int Viewer::run() {
     if (script_ && scriptMayGoOn()) {
       if (const auto size = step(*script_, state_)) glfwSetWindowSize(graphics_->window(), size->x, size->y);
     }
-    const std::vector<std::pair<int, bool>> keys_after_drag = handleEvents();
+    handleEvents();
     const bool moving = handlePointer();
     comparison_.update(state_, picture_.get(), picture_ && asked_ && same(picture_->request, *asked_));
     drawPanels(state_, statistics_, escapeForPanels());
-    pressKeys(keys_after_drag);
     keepEdits(moving);
     forEachName(state_, [this](std::string_view text) { graphics_->gui.want(text); });
     if (graphics_->gui.stale() || isFading()) frames_since_event_ = 0;
@@ -334,7 +336,7 @@ bool Viewer::scriptMayGoOn() const {
       !documents.open_requests.empty() || hasCamerasDue(state_) || documents.show_request || documents.close_request;
   const bool loading = state_.loading.active && !state_.loading.script_goes_on;
   const bool saving = state_.desktop.saving || state_.desktop.save_request;
-  const bool typed = graphics_->gui.inputQueued();
+  const bool typed = inputQueued();
   return complete() && !measuring() && !capturing() && !asked && !loading && !saving && !typed;
 }
 
@@ -415,33 +417,35 @@ void Viewer::followAspect() {
   reshape(state_, aspect);
 }
 
-std::vector<std::pair<int, bool>> Viewer::handleEvents() {
-  const Events events = std::exchange(events_, {});
-  events_.pointer = events.pointer;
-  if (events.chord != 0) chord_key_ = events.chord;
-  // Dear ImGui sees one press a frame, however long that took.
-  double_clicked_ = false;
-  for (const Press& press : events.presses) {
-    const bool soon = last_press_.time >= 0 && press.time - last_press_.time < kDoubleClick;
-    const bool second = soon && glm::distance(press.at, last_press_.at) < kStill * state_.ui.scale;
-    double_clicked_ = double_clicked_ || second;
-    last_press_ = second ? Press{} : press;
-  }
-  const std::span<const std::pair<int, bool>> keys(events.keys);
-  const std::size_t first = events.keys_of_drag.value_or(keys.size());
-  pressKeys(keys.first(first));
-  state_.documents.open_requests.insert(state_.documents.open_requests.end(), events.dropped.begin(),
-                                        events.dropped.end());
-  return {keys.begin() + static_cast<std::ptrdiff_t>(first), keys.end()};
+// The field of a dialog that was asked for has no keyboard yet: what is typed is meant for it.
+bool Viewer::awaitsField() {
+  const DesktopState& desktop = state_.desktop;
+  const bool opens = desktop.wanted || (desktop.dialog && !desktop.dialog->has_keyboard);
+  frames_awaited_ = opens ? frames_awaited_ + 1 : 0;
+  return opens && frames_awaited_ <= kOpeningFrames;
 }
 
-void Viewer::pressKeys(std::span<const std::pair<int, bool>> keys) {
-  for (const auto& [key, shift] : keys) {
-    if (ImGui::GetIO().WantTextInput) break;
-    if (isModal(state_) || (key == kKeyEscape && popupIsOpen())) continue;  // theirs
-    if (key == kKeyEscape) ++escapes_taken_;
-    pressKey(state_, key, shift);
+void Viewer::handleEvents() {
+  if (const int chord = std::exchange(events_.chord, 0)) chord_key_ = chord;
+  events_.alt_up = false;
+  double_clicked_ = false;
+  for (const InputEvent& event : events_.taken) {
+    if (event.kind == InputEvent::Kind::key) press(event);
+    if (event.kind != InputEvent::Kind::press || event.code != GLFW_MOUSE_BUTTON_LEFT) continue;
+    const bool soon = last_press_ && event.time - last_press_->time < kDoubleClick;
+    double_clicked_ = soon && glm::distance(*event.pointer, *last_press_->pointer) < kStill * state_.ui.scale;
+    last_press_ = double_clicked_ ? std::nullopt : std::optional(event);
   }
+  std::vector<std::filesystem::path>& requests = state_.documents.open_requests;
+  const auto dropped = std::exchange(events_.dropped, {});
+  requests.insert(requests.end(), dropped.begin(), dropped.end());
+}
+
+void Viewer::press(const InputEvent& key) {
+  if (ImGui::GetIO().WantTextInput) return;
+  if (isModal(state_) || state_.desktop.wanted || (key.code == kKeyEscape && popupIsOpen())) return;  // theirs
+  if (key.code == kKeyEscape) ++escapes_taken_;
+  pressKey(state_, key.code, key.shift);
 }
 
 bool Viewer::escapeForPanels() {

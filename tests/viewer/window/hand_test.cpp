@@ -41,6 +41,17 @@ int changedRow(const Image& a, const Image& b, int from = 0) {
   return 0;
 }
 
+// The lowest row of a slider's knob in two pictures of the page of times, which differ above, too.
+int lastChangedRow(const Image& a, const Image& b) {
+  int bottom = 0;
+  for (int y = 0; y < a.height; ++y) {
+    for (int x = 0; x < kPanelWidth; ++x) {
+      if (std::abs(a.at(x, y, 2) - b.at(x, y, 2)) > 0.2) bottom = y;
+    }
+  }
+  return bottom;
+}
+
 }  // namespace
 
 TEST_CASE("dragging the line of a wipe moves it, dragging beside it moves the camera", "[window]") {
@@ -109,6 +120,41 @@ TEST_CASE("Tab after a click in the panel goes to no slider, where the next key 
                    "reached begin.png\nclick 108 260\nseen clicked\nxdotool keydown Tab\nsleep 1\nxdotool keyup Tab\n"
                    "key 6\nsleep 0.3\nseen typed\n");
   CHECK(psnr(shop.read("typed.png"), shop.read("normal.png")) > 60);
+}
+
+TEST_CASE("what is typed in the frame of Ctrl+S is the file's name and no command", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::playByHand(shop,
+                   "hold-frame go\nawait-file copy6.spz\nwait 6\npicture got.png\noutput normal\n"
+                   "picture normal.png\n",
+                   "reached go.held\nkey ctrl+s\nkey ctrl+a\nxdotool type copy66\nkey BackSpace\nkey BackSpace\n"
+                   "xdotool type 6.spz\nkey Return\ntouch go\nreached copy6.spz\n",
+                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  CHECK(std::filesystem::exists(shop / "copy6.spz"));
+  CHECK_FALSE(std::filesystem::exists(shop / "model-camera-001.json"));  // of C
+  CHECK(psnr(shop.read("got.png"), shop.read("normal.png")) < 45);       // of 6
+}
+
+TEST_CASE("what is typed in the frame of a click into a field goes there", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "wait 3\ntab camera\nwindow none.png\nbookmark\nwait 2\nwindow one.png\n");
+  REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
+                      test::kXServer)
+              .exit_code == 0);
+  const Image none = shop.read("none.png"), one = shop.read("one.png");
+  const int save = changedRow(none, one, changedRow(none, one) + kHalfButton + 2);
+  test::playByHand(
+      shop, "panel on\nsize " + kHigh + "\ntab camera\nbookmark\nhold-frame go\n" + seen("typed") + seen("saved"),
+      "reached go.held\nclick 200 " + std::to_string(save + 25) +
+          "\nkey ctrl+a\nxdotool type c6.json\nkey Return\ntouch go\nseen typed\nclick 140 " + std::to_string(save) +
+          "\nseen saved\n",
+      {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  CHECK(std::filesystem::exists(shop / "c6.json"));
+  CHECK_FALSE(std::filesystem::exists(shop / "model-camera-001.json"));
 }
 
 TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]") {
@@ -305,14 +351,8 @@ TEST_CASE("a slider is dragged, and its mark lies below its digits", "[window]")
   REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
                       test::kXServer)
               .exit_code == 0);
-  // What differs above: times. The knob is the lowest that does.
-  const Image whole = shop.read("whole.png"), half = shop.read("half.png");
-  int bottom = 0;
-  for (int y = 0; y < whole.height; ++y) {
-    for (int x = 0; x < kPanelWidth; ++x) {
-      if (std::abs(whole.at(x, y, 2) - half.at(x, y, 2)) > 0.2) bottom = y;
-    }
-  }
+  const Image half = shop.read("half.png");
+  const int bottom = lastChangedRow(shop.read("whole.png"), half);
   const std::string row = std::to_string(bottom - kHalfButton);
   test::playByHand(shop,
                    "panel on\nsize " + kHigh + "\ntab time\nwindow begin.png\n" + seen("held") + seen("dragged") +
@@ -330,6 +370,24 @@ TEST_CASE("a slider is dragged, and its mark lies below its digits", "[window]")
   };
   CHECK(blue(bottom - 18, bottom - 3) == 0);
   CHECK(blue(bottom - 3, bottom + 1) > 20);
+}
+
+TEST_CASE("a double click on a slider within one frame opens its field", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  shop.write("script.txt", "wait 3\ntab time\nwindow whole.png\nresolution 0.5\nwait 2\nwindow half.png\n");
+  REQUIRE(shop.tgview({"model.tgz", "--script", "script.txt", "--size", kHigh, "--backend", backendOr("cpu")},
+                      test::kXServer)
+              .exit_code == 0);
+  const std::string row = std::to_string(lastChangedRow(shop.read("whole.png"), shop.read("half.png")) - kHalfButton);
+  test::playByHand(shop,
+                   "panel on\nsize " + kHigh + "\ntab time\npicture whole.png\nhold-frame go\n" + seen("typed") +
+                       "picture half.png\n",
+                   "reached go.held\nto 200 " + row +
+                       "\nxdotool click --repeat 2 --delay 30 1 type 50\nkey Return\ntouch go\nseen typed\n",
+                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  CHECK(std::abs(shop.read("half.png").width - shop.read("whole.png").width / 2) <= 1);
 }
 
 TEST_CASE("a window that was minimised and hidden comes back with its picture", "[window]") {
