@@ -60,6 +60,23 @@ void keyTable(ViewerState& state) {
   ImGui::EndTable();
 }
 
+// Two sides in pixels. What is typed counts once its field is left, as a picture of that size can be.
+void sizeField(const char* id, glm::ivec2& size) {
+  ImGuiStorage& kept = *ImGui::GetStateStorage();
+  const ImGuiID frame = ImGui::GetID(id), first = frame + 1, second = frame + 2;
+  glm::ivec2 typed = size;
+  if (kept.GetInt(frame, -2) == ImGui::GetFrameCount() - 1) typed = {kept.GetInt(first), kept.GetInt(second)};
+  ImGui::InputInt2(id, &typed.x);
+  if (ImGui::IsItemDeactivatedAfterEdit()) {
+    const glm::ivec2 held = glm::clamp(typed, glm::ivec2(1), glm::ivec2(kMaxImageSide));
+    if (isImageSize(held.x, held.y)) size = held;
+  }
+  if (!ImGui::IsItemActive()) return;
+  kept.SetInt(frame, ImGui::GetFrameCount());
+  kept.SetInt(first, typed.x);
+  kept.SetInt(second, typed.y);
+}
+
 void saveTo(ViewerState& state, const std::string& file, std::string_view use,
             void (*save)(const ViewerState&, const std::filesystem::path&)) {
   if (!mayReplace(state, file, use)) return;
@@ -130,8 +147,7 @@ void recordSection(ViewerState& state) {
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
   ImGui::SetNextItemWidth(half);
-  glm::ivec2 size = record.size;
-  if (ImGui::InputInt2("##size", &size.x) && isImageSize(size.x, size.y)) record.size = size;
+  sizeField("##size", record.size);
   hint("Width and height [px]");
   ImGui::SameLine(0, spacing);
   ImGui::SetNextItemWidth(half);

@@ -1191,3 +1191,29 @@ TEST_CASE("of the backgrounds one button is lit, the model's own where that is b
   CHECK(lit(glm::vec3(0.0f)) == lit(glm::vec3(0.5f)));
   CHECK(lit(glm::vec3(1.0f)) == lit(glm::vec3(0.5f)));
 }
+
+TEST_CASE("the size of a recording is taken when its field is left, cut to what a picture may have") {
+  ViewerState state = bareState();
+  state.ui.tab = Tab::path;
+  const Interface interface;
+  for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+  const ImGuiID group = ImHashStr("##size", 0, ImHashStr("page", 0, pageWindow().ID));
+  const int first = 0;
+  const ImGuiID field = ImHashStr("", 0, ImHashData(&first, sizeof first, group));
+  ImVec2 place(40, 2);
+  while (place.y < Interface::kHeight && interface.hovered(state, place) != field) place.y += 4;
+  const auto typed = [&](std::string_view digits) {
+    const glm::ivec2 before = state.record.size;
+    for (const bool pressed : {true, false}) (void)interface.hovered(state, place, pressed);
+    for (const char digit : digits) {
+      ImGui::GetIO().AddInputCharacter(static_cast<unsigned>(digit));
+      (void)interface.hovered(state, place);
+      CHECK(state.record.size == before);
+    }
+    for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {600, 500}, pressed);
+    return state.record.size;
+  };
+  CHECK(typed("1920") == glm::ivec2(1920, 720));
+  CHECK(typed("99999") == glm::ivec2(kMaxImageSide, 720));
+  CHECK(typed("0") == glm::ivec2(1, 720));
+}
