@@ -132,6 +132,7 @@ void closeDocument(ViewerState& state) { askToClose(state, state.documents.shown
 
 template <EditTool kTool>
 void tool(ViewerState& state) {
+  if (state.edit.tool != kTool && !mayEdit(state)) return;
   setTool(state, kTool);
   if (state.edit.tool == kTool) state.ui.tab = Tab::edit;
 }

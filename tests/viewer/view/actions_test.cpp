@@ -78,6 +78,17 @@ TEST_CASE("a part of a model and a scene with levels are neither edited nor save
                                               "Select the others", "Select by a rectangle", "Select by a brush",
                                               "Select by a sphere", "Move the selection", "Turn the selection",
                                               "Scale the selection", "Delete the selection"});
+  for (const int key : {kKeyF2, kKeyF3, kKeyF4, kKeyF5, kKeyF6, kKeyF7}) {
+    state.messages.notice.clear();
+    test::press(state, key);
+    CHECK(state.edit.tool == EditTool::none);
+    CHECK(state.ui.tab == Tab::view);
+    CHECK_FALSE(state.messages.notice.empty());
+  }
+  // What was taken up before is put down.
+  state.edit.tool = EditTool::brush;
+  test::press(state, kKeyF3);
+  CHECK(state.edit.tool == EditTool::none);
 }
 
 TEST_CASE("clicks are a tool's or inspect: what is switched on last has them") {
