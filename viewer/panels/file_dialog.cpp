@@ -240,7 +240,8 @@ void fileDialog(ViewerState& state, bool escape) {
   ImGui::EndPopup();
 }
 
-std::string lossOf(const ClosingQuestion& question) {
+std::string lossOf(const ViewerState& state) {
+  const ClosingQuestion& question = *state.desktop.question;
   switch (question.what) {
     case Unsaved::path:
       return "The camera path has not been saved.";
@@ -248,6 +249,9 @@ std::string lossOf(const ClosingQuestion& question) {
       return "The bookmarks have not been saved.";
     case Unsaved::run:
       return "The run is paused, or about to be, as it was told here. Without a window it waits on.";
+    case Unsaved::recording:
+      return "The recording is not finished: " + std::to_string(state.record.done) + " of " +
+             std::to_string(state.record.frames) + " pictures.";
     case Unsaved::edits:
       break;
   }
@@ -285,11 +289,12 @@ void closingQuestion(ViewerState& state, bool escape) {
   const ImVec2 window = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({window.x / 2, window.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
   if (!ImGui::BeginPopupModal(kId, nullptr, kDialogWindow | ImGuiWindowFlags_AlwaysAutoResize)) return;
-  ImGui::TextUnformatted(lossOf(*state.desktop.question).c_str());
+  ImGui::TextUnformatted(lossOf(state).c_str());
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.3f});
-  const bool of_run = state.desktop.question->what == Unsaved::run;
   enum { save, discard, cancel };
-  const std::array labels = {of_run ? "Go on" : "Save", of_run ? "Leave it paused" : "Discard", "Cancel"};
+  std::array labels = {"Save", "Discard", "Cancel"};
+  if (state.desktop.question->what == Unsaved::run) labels = {"Go on", "Leave it paused", "Cancel"};
+  if (state.desktop.question->what == Unsaved::recording) labels[save] = "Finish it first";
   int answer = answers(labels, fresh);
   if (answer < 0 && escape && !fresh) answer = cancel;
   if (answer >= 0) ImGui::CloseCurrentPopup();

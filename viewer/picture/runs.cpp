@@ -90,7 +90,9 @@ bool PictureRuns::update(ViewerState& state, glm::ivec2 area) {
     } else if (run_->done() == run_->frames()) {
       const std::string result = run_->finish();
       if (options_.benchmark) state.quit = true;
+      const bool leaves = state.desktop.after_recording;
       end(state, result);
+      if (leaves) goOnClosing(state, {});
     } else {
       state.record.done = run_->done();
       state.record.frames = run_->frames();
@@ -121,6 +123,7 @@ void PictureRuns::end(ViewerState& state, const std::string& notice) {
   streamed_.reset();
   state.record.waits = false;
   state.record.wanted = false;
+  state.desktop.after_recording = false;
   if (!notice.empty() && !scripted_) notify(state, notice);
 }
 

@@ -69,11 +69,13 @@ bool ask(ViewerState& state, const Closing& closing, Unsaved what, const std::fi
 
 }  // namespace
 
-// A model takes its bookmarks and edits with it, the window everything, a file that is read again the edits.
+// A model takes its bookmarks and edits with it, the window everything, a recording that is under way among it, a file
+// that is read again the edits.
 void goOnClosing(ViewerState& state, const Closing& closing) {
   const bool window = closing.way == Closing::Way::window;
   const int document = documentOf(state, closing.model);
   if (!window && document < 0) return;  // is closed already
+  if (window && state.record.wanted && ask(state, closing, Unsaved::recording, {})) return;
   if (window && isPathUnsaved(state) && ask(state, closing, Unsaved::path, {})) return;
   for (const std::filesystem::path& model : bookmarksLost(state, closing)) {
     if (ask(state, closing, Unsaved::bookmarks, model)) return;
@@ -137,6 +139,10 @@ void saveUnsaved(ViewerState& state) {
     tellRun(state.follow, {RunCommand::go, 1});
     return goOnClosing(state, question->closing);
   }
+  if (question->what == Unsaved::recording) {
+    state.desktop.after_recording = state.record.wanted;
+    return state.record.wanted ? void() : goOnClosing(state, question->closing);  // it has ended meanwhile
+  }
   state.desktop.after_saving = question->closing;
   state.desktop.dialog.reset();
   if (question->what != Unsaved::path) show(state, question->model);  // another one may have been opened since
@@ -151,6 +157,7 @@ void saveUnsaved(ViewerState& state) {
       state.desktop.wanted = FileUse::saveModel;
       break;
     case Unsaved::run:  // is told at once
+    case Unsaved::recording:
       break;
   }
 }
@@ -189,6 +196,7 @@ void keepUnsaved(ViewerState& state) {
   state.desktop.question.reset();
   state.desktop.discarded.clear();
   state.desktop.after_saving.reset();
+  state.desktop.after_recording = false;
   state.desktop.stays_open = true;
 }
 

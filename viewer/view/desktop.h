@@ -34,8 +34,8 @@ struct FileDialog {
 };
 
 // What the user is asked about before it is lost.
-// run: nothing is lost, but it waits at this window's word.
-enum class Unsaved { path, bookmarks, edits, run };
+// run: nothing is lost, but it waits at this window's word. recording: one that is under way.
+enum class Unsaved { path, bookmarks, edits, run, recording };
 
 // What would lose it.
 struct Closing {
@@ -55,6 +55,7 @@ struct DesktopState {
   std::optional<FileDialog> dialog;  // that is open
   std::optional<ClosingQuestion> question;
   std::optional<Closing> after_saving;            // goes on once that is saved
+  bool after_recording = false;                   // the window closes once it has ended well
   std::vector<std::filesystem::path> read_again;  // have edits: to be asked about, one after the other
   std::vector<std::pair<std::filesystem::path, std::uint64_t>> agreed;  // are read again, and lose that revision
   std::optional<std::filesystem::path> save_request;                    // the model shown, unasked; a script's

@@ -107,6 +107,38 @@ TEST_CASE("a run that waits because the window has said so is not left waiting w
   CHECK_FALSE(asks(RunPhase::paused));
 }
 
+TEST_CASE("a recording that is under way is asked about before the window closes, and may end first") {
+  ViewerState state = stateWithModel();
+  state.record.wanted = true;
+  const auto asks = [&] {
+    state.quit = false;
+    press(state, kControl | 'Q');
+    CHECK(state.quit != state.desktop.question.has_value());
+    return state.desktop.question && state.desktop.question->what == Unsaved::recording;
+  };
+  press(state, kControl | 'W');  // closing the model cancels it, which says so
+  CHECK_FALSE(state.desktop.question);
+  CHECK(asks());
+  keepUnsaved(state);
+  CHECK(state.record.wanted);
+  CHECK(asks());
+  discardUnsaved(state);
+  CHECK(state.quit);
+  CHECK(asks());
+  saveUnsaved(state);
+  CHECK_FALSE(state.quit);
+  CHECK(state.record.wanted);
+  CHECK(state.desktop.after_recording);
+  keepUnsaved(state);
+  CHECK_FALSE(state.desktop.after_recording);
+  // It ends while the question is open.
+  CHECK(asks());
+  state.record.wanted = false;
+  saveUnsaved(state);
+  CHECK(state.quit);
+  CHECK_FALSE(asks());
+}
+
 TEST_CASE("a model that is closed asks for its bookmarks, unless they are kept between runs") {
   ViewerState state = stateWithModel();
   addKey(state);  // the path stays with the window

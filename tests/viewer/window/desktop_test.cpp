@@ -92,6 +92,17 @@ TEST_CASE("a path that was not saved is asked for, Esc goes back, Save saves it 
   CHECK(std::filesystem::exists(shop / "path.json"));
 }
 
+TEST_CASE("Ctrl+Q during a recording asks, and Enter ends the window after the last picture", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  playByHand(shop,
+             "record-size 160x120\nrecord-frames 400\nrecord turn/####.png\nwait 3\nwindow begun.png\n" +
+                 seen("asked") + "await-file never\n",
+             "reached begun.png\nkey ctrl+q\nseen asked\nkey Return\n");
+  CHECK(std::filesystem::exists(shop / "turn/0399.png"));
+}
+
 TEST_CASE("a picture is of the model that its dialog was opened for", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
