@@ -98,7 +98,7 @@ void result(const ViewerState& state) {
     ImGui::NewLine();
   } else if (!compare.problem.empty()) {
     ImGui::TextColored(kWarningText, "%s", cutMiddle(compare.problem, ImGui::GetContentRegionAvail().x).c_str());
-    hint(compare.problem.c_str());
+    hint((compare.problem + (compare.way_out.empty() ? "" : "\n") + compare.way_out).c_str());
   } else if (compare.with_photographs && !kPhotographOutputs.has(state.display.output)) {
     ImGui::TextDisabled("no figures: photographs have final and base");
   } else if (isIsolated(state)) {

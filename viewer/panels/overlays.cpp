@@ -284,7 +284,8 @@ void noComparison(const ViewerState& state) {
   const float left = panelWidth(state, size.x), font = ImGui::GetFontSize();
   const float begin = left + (size.x - left) / 2, room = size.x - begin - 2 * font;
   if (room <= 3 * font) return;
-  const char* text = compare.problem.c_str();
+  const std::string words = compare.problem + (compare.way_out.empty() ? "" : "\n") + compare.way_out;
+  const char* text = words.c_str();
   const ImVec2 extent = ImGui::CalcTextSize(text, nullptr, false, room);
   ImGui::GetBackgroundDrawList()->AddText(ImGui::GetFont(), font,
                                           {begin + font + (room - extent.x) / 2, (size.y - extent.y) / 2},

@@ -82,6 +82,7 @@ struct CompareState {
 
   // Written by the window.
   std::string problem;                    // why there is nothing to compare with; "" = there is
+  std::string way_out;                    // what to do about it; "" = nothing is known
   std::string photograph;                 // its file below the folder; "" = none
   bool measured = false;                  // `metrics` are those of the picture on screen, not of one before
   std::optional<PictureMetrics> metrics;  // none: not yet, or no pixel counts

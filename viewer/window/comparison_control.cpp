@@ -34,7 +34,7 @@ ComparisonControl::ComparisonControl(const ViewOptions& options, std::function<v
   }
 }
 
-std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, std::string& problem) const {
+std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, Problem& problem) const {
   const CompareState& compare = state.compare;
   if (compare.how.mode == CompareMode::off) return std::nullopt;
   OtherPicture other;
@@ -47,13 +47,15 @@ std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, s
   if (compare.with_photographs && photographs_) {
     const int camera = cameraHere(state);
     if (camera < 0) {
-      problem = "No photograph was taken from here: go to a camera of the model (Space, or . and ,)";
+      problem = state.scene.cameras.empty()
+                    ? Problem{"This model has no cameras", "Photographs are found by theirs"}
+                    : Problem{"No photograph was taken from here", "Go to a camera of the model (Space, or . and ,)"};
       return std::nullopt;
     }
     other.taken = state.scene.cameras[static_cast<std::size_t>(camera)];
     other.photograph = photographs_->find(other.taken);
     if (!other.photograph.empty()) return other;
-    problem = photographs_->folder().string() + ": holds no photograph \"" + other.taken.name + "\"";
+    problem.what = photographs_->folder().string() + ": holds no photograph \"" + other.taken.name + "\"";
     return std::nullopt;
   }
   const int document = otherDocument(state);
@@ -62,14 +64,16 @@ std::optional<OtherPicture> ComparisonControl::other(const ViewerState& state, s
     if (state.display.crop) other.crop = state.display.box;  // also while one Gaussian of the first is alone
     if (other.model) return other;
   }
-  problem = "There is nothing to compare with: open another model";
+  problem = {"There is nothing to compare with", "Open another model"};
   return std::nullopt;
 }
 
 void ComparisonControl::update(ViewerState& state, const Picture* picture, bool newest) {
   CompareState& compare = state.compare;
-  compare.problem.clear();
-  const std::optional<OtherPicture> found = other(state, compare.problem);
+  Problem problem;
+  const std::optional<OtherPicture> found = other(state, problem);
+  compare.problem = std::move(problem.what);
+  compare.way_out = std::move(problem.way_out);
   compare.photograph = found ? found->photograph.lexically_relative(compare.photographs).string() : std::string();
   if (compare.problem.empty() && picture && newest) compare.problem = picture->problem;
   if (compare.how.mode == CompareMode::flicker && compare.timed && state.time - flickered_ >= compare.flicker_seconds) {

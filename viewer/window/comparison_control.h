@@ -27,8 +27,12 @@ class ComparisonControl {
   // Why there are none; "": there are, or nobody asked for them.
   const std::string& withoutPhotographs() const { return without_photographs_; }
 
+  // Why there is nothing to compare with, and what to do about it, as in CompareState.
+  struct Problem {
+    std::string what, way_out;
+  };
   // None where there is nothing to compare with; `problem` says why, unless comparing is off.
-  std::optional<OtherPicture> other(const ViewerState& state, std::string& problem) const;
+  std::optional<OtherPicture> other(const ViewerState& state, Problem& problem) const;
 
   // Once a frame, before the panels are drawn: what they say about it. `picture`: the one on screen, may be null;
   // `newest`: it is the one asked for last.

@@ -556,7 +556,7 @@ glm::ivec2 Viewer::pictureSize() const {
 }
 
 PictureRequest Viewer::request(glm::ivec2 size) const {
-  std::string ignored;
+  ComparisonControl::Problem ignored;
   return {shownModel(state_), toCamera(state_.camera.pose, state_.camera.lens, size.x, size.y),
           effectiveSettings(state_), state_.display.output, comparison_.other(state_, ignored)};
 }

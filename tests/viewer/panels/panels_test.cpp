@@ -1217,3 +1217,14 @@ TEST_CASE("the size of a recording is taken when its field is left, cut to what 
   CHECK(typed("99999") == glm::ivec2(kMaxImageSide, 720));
   CHECK(typed("0") == glm::ivec2(1, 720));
 }
+
+TEST_CASE("in a panel of the usual width it is said whole why there is nothing to compare with") {
+  ViewerState state = fullState();
+  state.compare.how.mode = CompareMode::wipe;
+  const Interface interface;
+  for (const char* problem : {"No photograph was taken from here", "There is nothing to compare with"}) {
+    state.compare.problem = problem;
+    state.compare.way_out = "Go to a camera of the model (Space, or . and ,)";
+    CHECK_THAT(interface.text(state), Contains(problem));
+  }
+}

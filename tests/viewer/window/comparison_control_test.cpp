@@ -55,7 +55,7 @@ struct Bench {
 
   Picture picture(glm::ivec2 size, unsigned seed = 1) const {
     Picture result;
-    std::string problem;
+    ComparisonControl::Problem problem;
     result.request = {state.scene.model, fitted(test::trainedLikeCamera(48, 36), size.x, size.y),
                       state.display.settings, state.display.output, control->other(state, problem)};
     REQUIRE(result.request.other);
@@ -222,4 +222,19 @@ TEST_CASE("a run whose photographs cannot be shown is followed without them, and
   const ComparisonControl control(options, [] {});
   CHECK_FALSE(control.photographs());
   CHECK_THAT(control.withoutPhotographs(), Contains("holds no photographs"));
+}
+
+TEST_CASE("without a photograph of the view the way to one is said, and that a model without cameras has none") {
+  Bench bench(true);
+  const auto said = [&] {
+    bench.control->update(bench.state, nullptr, false);
+    return bench.state.compare.problem + " | " + bench.state.compare.way_out;
+  };
+  CHECK(said() == " | ");
+  leaveCamera(bench.state.camera);
+  bench.state.camera.pose.position.x += 1;
+  CHECK(said() == "No photograph was taken from here | Go to a camera of the model (Space, or . and ,)");
+  bench.state.scene.cameras.clear();
+  bench.state.camera.index = bench.state.camera.visited = -1;
+  CHECK(said() == "This model has no cameras | Photographs are found by theirs");
 }
