@@ -440,9 +440,10 @@ bool OpenModels::takeRun(ViewerState& state) {
   std::optional<RunWatch::News> news = run_->take();
   if (!news) return false;
   const auto isIn = [&](RunPhase phase) { return state.follow.status && state.follow.status->phase == phase; };
-  const bool waited = isIn(RunPhase::paused);
+  const bool waited = isIn(RunPhase::paused), gone = !state.follow.status;
   state.follow.lines = std::move(news->lines);
   state.follow.status = std::move(news->status);
+  if (gone && state.follow.status && state.follow.told == RunCommand::stop) state.follow.told.reset();  // resumed
   // Somebody else has told it to.
   if (waited && isIn(RunPhase::training) && state.follow.told == RunCommand::pause) state.follow.told.reset();
   return true;

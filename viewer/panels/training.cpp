@@ -111,6 +111,8 @@ void trainingSection(ViewerState& state) {
     }
   } else if (state.scene.training.empty()) {
     ImGui::TextDisabled("no run has said anything yet");
+  } else if (follow.told == RunCommand::stop) {
+    ImGui::TextWrapped("the run has stopped (tgtrain --resume goes on)");
   }
   if (!follow.lines || follow.lines->empty()) return;
   plot("##psnr", "PSNR; dots: held out", "%.2f dB", *follow.lines, &RunMetrics::train_psnr, &RunMetrics::test_psnr);

@@ -1228,3 +1228,12 @@ TEST_CASE("in a panel of the usual width it is said whole why there is nothing t
     CHECK_THAT(interface.text(state), Contains(problem));
   }
 }
+
+TEST_CASE("the panel says that a run has ended which it was told to stop") {
+  ViewerState state = fullState();
+  state.scene.training = "plain 300 / 7000";
+  const Interface interface;
+  CHECK_THAT(interface.text(state), !Contains("the run has stopped"));
+  state.follow.told = RunCommand::stop;
+  CHECK_THAT(interface.text(state), Contains("the run has stopped"));
+}
