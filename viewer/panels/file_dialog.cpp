@@ -190,17 +190,22 @@ void contents(FileDialog& dialog, bool& cancelled) {
   places(browser);
   bool chosen = nameField(dialog);
   const float width = ImGui::GetContentRegionAvail().x;
-  const float words = dialog.problem.empty() ? 0
-                                             : ImGui::CalcTextSize(dialog.problem.c_str(), nullptr, false, width).y +
-                                                   ImGui::GetStyle().ItemSpacing.y;
+  const auto heightOf = [&](const std::string& words) {
+    if (words.empty()) return 0.0f;
+    return ImGui::CalcTextSize(words.c_str(), nullptr, false, width).y + ImGui::GetStyle().ItemSpacing.y;
+  };
+  const float words = heightOf(dialog.note) + heightOf(dialog.problem);
   const float below = 2 * line + ImGui::GetTextLineHeightWithSpacing() + words;
   chosen = fileList(browser, std::max(ImGui::GetContentRegionAvail().y - below, 3 * line)) || chosen;
   filters(browser);
-  if (!dialog.problem.empty()) {
-    ImGui::PushStyleColor(ImGuiCol_Text, kErrorText);
-    ImGui::TextWrapped("%s", dialog.problem.c_str());
+  const auto say = [](const std::string& said, const ImVec4& color) {
+    if (said.empty()) return;
+    ImGui::PushStyleColor(ImGuiCol_Text, color);
+    ImGui::TextWrapped("%s", said.c_str());
     ImGui::PopStyleColor();
-  }
+  };
+  say(dialog.note, kWarningText);
+  say(dialog.problem, kErrorText);
   const FileType* type = fileType(browser);
   if (browser.replaces) {
     ImGui::TextColored(kWarningText, "A file of this name is there already");

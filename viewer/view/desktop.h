@@ -30,6 +30,7 @@ struct FileDialog {
   std::optional<std::filesystem::path> chosen;  // the window takes it
   bool fresh = true;                            // not drawn yet
   bool has_keyboard = false;                    // its field, or had it
+  std::string note;                             // what of what is saved is not seen; "" = nothing
   std::string problem;                          // why what was chosen could not be written; "" = nothing was
 };
 

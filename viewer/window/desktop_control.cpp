@@ -149,6 +149,7 @@ void DesktopControl::openDialog(ViewerState& state, FileUse use) {
       break;
     case FileUse::saveModel:
       dialog.browser.types = modelTypes(state.scene);
+      if (state.display.crop) dialog.note = "What lies outside the crop box is saved, too";
       dialog.browser.text = edited ? saveTarget(state).filename().string() : stem + ".tgz";
       break;
     case FileUse::savePicture:

@@ -142,3 +142,17 @@ TEST_CASE("what cannot be written beside another dialog is an error of the windo
   CHECK(state.messages.error == "a.tgz: no room");
   CHECK(state.desktop.dialog->problem.empty());
 }
+
+TEST_CASE("the dialog that saves a model says that the crop box cuts nothing off, and no other dialog does") {
+  for (const FileUse use : {FileUse::saveModel, FileUse::savePicture}) {
+    for (const bool crop : {true, false}) {
+      ViewerState state = stateWithModel();
+      state.display.crop = crop;
+      state.desktop.wanted = use;
+      DesktopControl control({}, [] {});
+      (void)control.update(state, nullptr, {64, 48});
+      REQUIRE(state.desktop.dialog);
+      CHECK(state.desktop.dialog->note.empty() == (use != FileUse::saveModel || !crop));
+    }
+  }
+}
