@@ -61,6 +61,11 @@ OpenedLevels openLevels(const std::filesystem::path& path, const std::stop_token
         },
         [server, stop] { return server->read("", kMaxLodMetaBytes, stop); });
   } else {
+    // As of a model in one file.
+    std::error_code ignored;
+    if (!std::filesystem::exists(path, ignored) && !ignored) {
+      throw Error(ErrorKind::cannotRead, path.string(), "no such file");
+    }
     opened.reader = [files = lodFolderReader(path), stop](const std::string& relative, std::uint64_t most) {
       if (stop.stop_requested()) throw ReadCancelled();
       return files(relative, most);

@@ -38,6 +38,7 @@ void cameraList(ViewerState& state) {
     }
     ImGui::EndCombo();
   }
+  hint("The model's cameras; free: the view is none of them");
   ImGui::SameLine(0, spacing);
   if (ImGui::ArrowButton("##previous", ImGuiDir_Left)) stepCamera(state, -1);
   hint("Previous camera (Shift+Space)");
@@ -119,6 +120,7 @@ void motionSection(ViewerState& state) {
   for (int i = 1; i < kCount<UpAxis>; ++i) {
     const auto axis = static_cast<UpAxis>(i);
     if (segment(std::string(name(axis)).c_str(), camera.up == axis, i - 1, kCount<UpAxis> - 1)) setUp(state, axis);
+    hint("The world's axis that is up (U: the next)");
   }
   heading("TURNTABLE");
   if (segment(camera.turntable ? "Stop" : "Turn", camera.turntable, 0, 2)) toggleTurntable(state);
@@ -129,6 +131,7 @@ void motionSection(ViewerState& state) {
   if (slider("##turn", speed, -180.0f, 180.0f, "%.0f\xc2\xb0 / s")) {
     camera.turntable_speed = speed * kDegrees;
   }
+  hint("Counter-clockwise, seen from above; less than 0: clockwise");
 }
 
 void bookmarkSection(ViewerState& state) {
@@ -138,7 +141,7 @@ void bookmarkSection(ViewerState& state) {
   if (segment("Add", false, 0, 3)) attempt(state, [&] { addBookmark(state); });
   hint("The view at hand (Shift+B); B goes through them");
   ImGui::BeginDisabled(camera.bookmarks.empty());
-  if (segment("Save##bookmarks", false, 1, 3) && mayReplace(state, file, "bookmarks")) {
+  if (segment("Save##bookmarks", false, 1, 3) && mayReplace(state, file = withJson(file), "bookmarks")) {
     attempt(state, [&] {
       saveBookmarks(state, file);
       noteBookmarksKept(state);
@@ -147,7 +150,7 @@ void bookmarkSection(ViewerState& state) {
   }
   hint("As a cameras.json of this name");
   ImGui::EndDisabled();
-  if (segment("Load", false, 2, 3)) attempt(state, [&] { readBookmarks(state, file); });
+  if (segment("Load", false, 2, 3)) attempt(state, [&] { loadBookmarks(state, file); });
   hint("From a cameras.json of this name");
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   textField("##bookmarks", file, "file");

@@ -9,6 +9,7 @@
 #include "core/system/error.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
+#include "viewer/view/edits.h"
 
 namespace tg {
 
@@ -48,11 +49,15 @@ void documentsSection(ViewerState& state) {
     ImGui::PushID(i);
     const float width = ImGui::GetContentRegionAvail().x - button - spacing;
     ImGui::AlignTextToFramePadding();
-    const std::string name = cutMiddle(printable(open[i].path.filename().string()), width);
+    const char* unsaved = hasUnsavedEdits(state, i) ? "*" : "";
+    const std::string name =
+        cutMiddle(printable(open[i].path.filename().string()), width - ImGui::CalcTextSize(unsaved).x) + unsaved;
     if (ImGui::Selectable(name.c_str(), i == state.documents.shown, 0, {width, 0})) {
       state.documents.show_request = i;
     }
-    hint((printable(open[i].path.string()) + "\nPage Up / Page Down step through the open models").c_str());
+    hint((printable(open[i].path.string()) + (*unsaved ? "\nHas edits that were not saved" : "") +
+          "\nPage Up / Page Down step through the open models")
+             .c_str());
     ImGui::SameLine(0, spacing);
     if (ImGui::Button("x", {button, 0})) askToClose(state, i);
     hint("Close (Ctrl+W closes the one shown)");

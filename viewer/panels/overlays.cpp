@@ -28,11 +28,14 @@ ImVec2 pictureCenter(const ViewerState& state) {
   return {left + (size.x - left) / 2, size.y / 2};
 }
 
-void helpRow(const char* keys, const char* text) {
+// `room` [ImGui units]: that the text is wrapped to; 0: as wide as it is.
+void helpRow(const char* keys, const char* text, float room) {
   ImGui::TableNextColumn();
   ImGui::TextColored(kHighlightText, "%s", keys);
   ImGui::TableNextColumn();
+  ImGui::PushTextWrapPos(room > 0 ? ImGui::GetCursorPosX() + room : -1.0f);
   ImGui::TextUnformatted(text);
+  ImGui::PopTextWrapPos();
 }
 
 constexpr float kLeastLetters = 0.85f;  // [font heights] that can be read: 11 of 13 px, more on finer screens
@@ -65,7 +68,7 @@ void help(ViewerState& state) {
   const ImVec2 window = ImGui::GetIO().DisplaySize;
   std::size_t columns = 0, rows = 0;
   ImVec2 size;
-  float scale = 0;
+  float scale = 0, room = 0;
   for (std::size_t i = 2; i <= 4; ++i) {
     const std::size_t of_each = (lines.size() + i - 1) / i;
     const ImVec2 needed = helpSize(lines, of_each);
@@ -83,6 +86,13 @@ void help(ViewerState& state) {
       rows = (lines.size() + columns - 1) / columns;
       size = helpSize(lines, rows);
       if (columns == 1 || size.x * scale + bar <= window.x) break;
+    }
+    if (const float beyond = size.x * scale + bar - window.x; beyond > 0) {
+      float text = 0;
+      for (const HelpLine& line : lines) text = std::max(text, ImGui::CalcTextSize(line.text).x);
+      // The window's padding is not scaled.
+      const float padding = 2 * (1 - scale) * ImGui::GetStyle().WindowPadding.x;
+      room = std::max(text * scale - beyond - padding, ImGui::GetFontSize());
     }
   }
   ImGui::SetNextWindowSizeConstraints({0, 0}, window);
@@ -104,7 +114,7 @@ void help(ViewerState& state) {
   if (ImGui::BeginTable("keys", static_cast<int>(2 * columns), ImGuiTableFlags_SizingFixedFit)) {
     for (std::size_t row = 0; row < rows; ++row) {
       ImGui::TableNextRow();
-      for (std::size_t i = row; i < lines.size(); i += rows) helpRow(lines[i].keys, lines[i].text);
+      for (std::size_t i = row; i < lines.size(); i += rows) helpRow(lines[i].keys, lines[i].text, room);
     }
     ImGui::EndTable();
   }

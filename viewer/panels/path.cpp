@@ -7,6 +7,7 @@
 #include "core/system/numbers.h"
 #include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
+#include "viewer/view/bookmarks.h"
 #include "viewer/view/names.h"
 #include "viewer/view/parse.h"
 #include "viewer/view/path_editor.h"
@@ -77,8 +78,9 @@ void sizeField(const char* id, glm::ivec2& size) {
   kept.SetInt(second, typed.y);
 }
 
-void saveTo(ViewerState& state, const std::string& file, std::string_view use,
+void saveTo(ViewerState& state, std::string& file, std::string_view use,
             void (*save)(const ViewerState&, const std::filesystem::path&)) {
+  file = withJson(file);
   if (!mayReplace(state, file, use)) return;
   attempt(state, [&] {
     save(state, file);
@@ -100,6 +102,7 @@ void keySection(ViewerState& state) {
   ImGui::EndDisabled();
   ImGui::BeginDisabled(editor.path.keys.empty());
   if (segment("Clear", false, 2, 3)) clearPath(state);
+  hint("Removes all keys; Ctrl+Z brings them back");
   ImGui::EndDisabled();
   if (editor.path.keys.empty()) {
     ImGui::TextDisabled("No keys yet: go somewhere and press K");
@@ -112,6 +115,7 @@ void keySection(ViewerState& state) {
   const std::string format = "%.2f / " + formatted("%.2f", whole) + " s";
   if (slider("##at", seconds, 0.0f, whole, format.c_str())) seekPath(state, seconds);
   ImGui::Checkbox("Lines in the scene", &editor.drawn);
+  hint("The path and its keys, drawn where they are; in no picture that is saved");
   ImGui::SameLine();
   bool loop = editor.path.closing > 0;
   if (ImGui::Checkbox("Loop", &loop)) {
@@ -126,7 +130,7 @@ void pathFileSection(ViewerState& state) {
   ImGui::SetNextItemWidth(ImGui::GetContentRegionAvail().x);
   textField("##file", file, "file");
   fileHint(file);
-  if (segment("Load", false, 0, 3)) attempt(state, [&] { readPathFile(state, file); });
+  if (segment("Load", false, 0, 3)) attempt(state, [&] { loadPath(state, file); });
   hint("A path, or a cameras.json as keys a second apart");
   ImGui::BeginDisabled(state.path.path.keys.empty());
   if (segment("Save", false, 1, 3)) saveTo(state, file, "path", savePath);

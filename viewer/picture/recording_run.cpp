@@ -9,7 +9,10 @@ namespace tg {
 namespace {
 
 // The window's pictures have colours: the numbers of an .exr come from a program without one.
-RecordTarget targetOf(const ViewerState& state) { return parseRecordTarget(state.record.out, "recording", false); }
+RecordTarget targetOf(const ViewerState& state) {
+  const std::filesystem::path& out = state.record.out;
+  return parseRecordTarget(out, out.empty() ? "recording" : out.string(), false);
+}
 
 }  // namespace
 

@@ -8,6 +8,7 @@
 #include "core/file/file.h"
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 
 namespace tg {
 
@@ -74,9 +75,22 @@ void readBookmarks(ViewerState& state, const std::filesystem::path& file) {
                 "too many bookmarks (expected at most " + std::to_string(kMaxBookmarks) + ", found " +
                     std::to_string(cameras.size()) + ")");
   }
-  state.camera.bookmarks = std::move(cameras);
-  state.camera.bookmark = -1;
+  if (!sameBookmarks(state.camera.bookmarks, cameras)) {
+    state.camera.bookmarks = std::move(cameras);
+    state.camera.bookmark = -1;
+  }
   noteBookmarksKept(state);
+}
+
+void loadBookmarks(ViewerState& state, const std::filesystem::path& file) {
+  readBookmarks(state, file);
+  const std::size_t count = state.camera.bookmarks.size();
+  notify(state,
+         std::to_string(count) + (count == 1 ? " bookmark" : " bookmarks") + " from " + file.filename().string());
+}
+
+std::string withJson(const std::filesystem::path& file) {
+  return lowerExtension(file) == ".json" || file.filename().empty() ? file.string() : file.string() + ".json";
 }
 
 }  // namespace tg

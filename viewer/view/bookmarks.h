@@ -23,5 +23,8 @@ void stepBookmark(ViewerState& state, int step);  // the next, or the one before
 // Throw Error: cannotWrite; cannotRead, badData. Reading replaces what there is.
 void saveBookmarks(const ViewerState& state, const std::filesystem::path& file);
 void readBookmarks(ViewerState& state, const std::filesystem::path& file);
+void loadBookmarks(ViewerState& state, const std::filesystem::path& file);  // and says how many they are
+// `file`, with .json behind it where it ends otherwise.
+std::string withJson(const std::filesystem::path& file);
 
 }  // namespace tg

@@ -7,6 +7,7 @@
 #include <tuple>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "core/system/assert.h"
 #include "render/settings_members.h"
@@ -188,13 +189,24 @@ std::string listName(std::size_t before, std::size_t after, const std::string& e
   return before < after ? "Add " + entry : before > after ? "Remove " + entry : "Change " + entry;
 }
 
+// At most one of them was added, removed or changed.
+bool isOneChange(const std::vector<Camera>& before, const std::vector<Camera>& after) {
+  const auto same = [](const Camera& a, const Camera& b) { return a == b && a.name == b.name && a.test == b.test; };
+  const auto [least, most] = std::minmax({before.size(), after.size()});
+  std::size_t first = 0, last = 0;  // that stayed
+  while (first < least && same(before[first], after[first])) ++first;
+  while (first + last < least && same(before[before.size() - 1 - last], after[after.size() - 1 - last])) ++last;
+  return most - first - last <= 1;
+}
+
 std::string stepName(const ViewSnapshot& before, const ViewSnapshot& after) {
   if (before.selection != after.selection) {
     return after.selection ? "Select " + std::to_string(after.selection->count) : "Select none";
   }
   if (before.display != after.display) return displayName(before.display, after.display);
-  if (!sameBookmarks(before.bookmarks->cameras, after.bookmarks->cameras)) {
-    return listName(before.bookmarks->cameras.size(), after.bookmarks->cameras.size(), "bookmark");
+  const std::vector<Camera>&was = before.bookmarks->cameras, &is = after.bookmarks->cameras;
+  if (!sameBookmarks(was, is)) {
+    return isOneChange(was, is) ? listName(was.size(), is.size(), "bookmark") : "Load bookmarks";
   }
   if (before.path->path != after.path->path) {
     return listName(before.path->path.keys.size(), after.path->path.keys.size(), "key");

@@ -149,6 +149,12 @@ void readPathFile(ViewerState& state, const std::filesystem::path& file) {
   notePathKept(state);
 }
 
+void loadPath(ViewerState& state, const std::filesystem::path& file) {
+  readPathFile(state, file);
+  const std::size_t count = state.path.path.keys.size();
+  notify(state, std::to_string(count) + (count == 1 ? " key" : " keys") + " from " + file.filename().string());
+}
+
 bool recordsPath(const ViewerState& state) { return state.path.path.keys.size() >= 2; }
 
 std::vector<Camera> recordCameras(const ViewerState& state, glm::ivec2 size) {

@@ -34,6 +34,7 @@ void toggleRecording(ViewerState& state);
 void savePath(const ViewerState& state, const std::filesystem::path& file);
 void saveKeyCameras(const ViewerState& state, const std::filesystem::path& file);  // as a cameras.json
 void readPathFile(ViewerState& state, const std::filesystem::path& file);
+void loadPath(ViewerState& state, const std::filesystem::path& file);  // and says of how many keys
 
 // What a recording of the state would draw: the path where it has two keys, else a turn around the pivot.
 bool recordsPath(const ViewerState& state);

@@ -535,9 +535,8 @@ void Viewer::openCameraFiles() {
 
 void Viewer::openJson(const std::filesystem::path& path) {
   if (isPathFile(path)) {
-    readPathFile(state_, path);
     state_.ui.tab = Tab::path;
-    return notify(state_, std::to_string(state_.path.path.keys.size()) + " keys from " + path.filename().string());
+    return loadPath(state_, path);
   }
   std::vector<Camera> cameras = readCameras(path);
   if (cameras.empty()) {

@@ -299,6 +299,11 @@ TEST_CASE("a scene whose coarsest level is truncated is not opened: the first er
   CHECK_THAT(messageOf([&] { window.until([] { return false; }); }), Contains("quats.webp"));
 }
 
+TEST_CASE("a scene that is not there is told as a model is that is not") {
+  CHECK_THROWS_WITH(openLevels("absent/lod-meta.json", {}), "absent/lod-meta.json: no such file");
+  CHECK_THROWS_WITH(readModel("absent/model.tgz", {}), "absent/model.tgz: no such file");
+}
+
 TEST_CASE("what is streamed is neither edited nor taken for a whole model") {
   const SmallScene small;
   Window window(small.path, small.camera, 1500);

@@ -611,7 +611,12 @@ TEST_CASE("the list of keys keeps letters that can be read, scrolls where it has
     CHECK(window->Size.x <= size.x);
     CHECK(window->Size.y <= size.y);
     CHECK(window->ScrollbarY == (size.y < 1000));
-    if (size.x > 600) CHECK(window->ContentSize.x <= window->Size.x);
+    CHECK(window->ContentSize.x <= window->Size.x);
+    ImGuiTable* table = ImGui::TableFindByID(ImHashStr("keys", 0, window->ID));
+    REQUIRE(table);
+    for (int i = 0; i < table->ColumnsCount; ++i) {
+      CHECK(table->Columns[i].ContentMaxXUnfrozen <= table->Columns[i].ClipRect.Max.x + 1);
+    }
   }
 }
 
@@ -1218,6 +1223,23 @@ TEST_CASE("the size of a recording is taken when its field is left, cut to what 
   CHECK(typed("0") == glm::ivec2(1, 720));
 }
 
+TEST_CASE("the panel says that a run has ended which it was told to stop") {
+  ViewerState state = fullState();
+  state.scene.training = "plain 300 / 7000";
+  const Interface interface;
+  CHECK_THAT(interface.text(state), !Contains("the run has stopped"));
+  state.follow.told = RunCommand::stop;
+  CHECK_THAT(interface.text(state), Contains("the run has stopped"));
+}
+
+TEST_CASE("the list of open models marks those with edits that were not saved") {
+  ViewerState state = fullState();
+  const Interface interface;
+  CHECK_THAT(interface.text(state), !Contains("tgz*"));
+  state.documents.open[1].edit.revision = newRevision();
+  CHECK_THAT(interface.text(state), Contains("other.tgz*") && !Contains("tiny.tgz*"));
+}
+
 TEST_CASE("in a panel of the usual width it is said whole why there is nothing to compare with") {
   ViewerState state = fullState();
   state.compare.how.mode = CompareMode::wipe;
@@ -1229,11 +1251,28 @@ TEST_CASE("in a panel of the usual width it is said whole why there is nothing t
   }
 }
 
-TEST_CASE("the panel says that a run has ended which it was told to stop") {
-  ViewerState state = fullState();
-  state.scene.training = "plain 300 / 7000";
-  const Interface interface;
-  CHECK_THAT(interface.text(state), !Contains("the run has stopped"));
-  state.follow.told = RunCommand::stop;
-  CHECK_THAT(interface.text(state), Contains("the run has stopped"));
+TEST_CASE("camera list, up axes, turntable, lines of the path and its Clear have hints") {
+  for (const auto& [tab, name] : {std::pair(Tab::camera, "##camera"),
+                                  {Tab::camera, "+x"},
+                                  {Tab::camera, "##turn"},
+                                  {Tab::path, "Lines in the scene"},
+                                  {Tab::path, "Clear"}}) {
+    INFO(name);
+    ViewerState state = fullState();
+    state.ui.tab = tab;
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    const ImGuiID id = ImHashStr(name, 0, ImHashStr("page", 0, pageWindow().ID));
+    bool found = false;
+    for (float y = 2; y < Interface::kHeight && !found; y += 6) {
+      for (float x = 20; x < panelWidth(state, Interface::kWidth) && !found; x += 20) {
+        found = interface.hovered(state, {x, y}) == id;
+        if (!found) continue;
+        for (int i = 0; i < 60; ++i) (void)interface.hovered(state, {x, y});
+        const ImGuiWindow* hint = ImGui::FindWindowByName("##Tooltip_00");
+        CHECK((hint && hint->Active));
+      }
+    }
+    CHECK(found);
+  }
 }

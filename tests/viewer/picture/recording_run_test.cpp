@@ -49,7 +49,7 @@ TEST_CASE("a window records no numbers: its pictures have colours") {
   ViewerState state;
   state.record.out = folder / "frames/##.EXR";
   CHECK_THROWS_WITH(RecordingRun(state),
-                    Contains("recording: expected a video (") &&
+                    Contains("frames/##.EXR: expected a video (") &&
                         Contains("(frames/####.png, .jpg; numbers as .exr are tgview --output's)") &&
                         Contains("##.EXR"));
   CHECK_FALSE(std::filesystem::exists(folder / "frames"));

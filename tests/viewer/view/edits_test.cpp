@@ -333,6 +333,12 @@ TEST_CASE("every kind of click is a step that can be undone and redone") {
   check("Up +x", [&] { press(state, 'U'); }, [&] { return state.camera.up; });
   check("Add bookmark", [&] { press(state, 'B', true); }, [&] { return state.camera.bookmarks.size(); });
   check("Remove bookmark", [&] { removeBookmark(state, 0); }, [&] { return state.camera.bookmarks.size(); });
+  check(
+      "Load bookmarks",
+      [&] {
+        for (int i = 0; i < 2; ++i) addBookmark(state);
+      },
+      [&] { return state.camera.bookmarks.size(); });
   check("Add key", [&] { press(state, 'K'); }, [&] { return state.path.path; });
   check("Change key", [&] { changeKeySeconds(state, 0, 3); }, [&] { return state.path.path; });
   press(state, 'K');

@@ -92,6 +92,28 @@ TEST_CASE("B goes through the bookmarks, removed ones leave their number to new 
   CHECK(state.camera.bookmarks.size() == 3);
 }
 
+TEST_CASE("buttons that load say what has come, and those that save add the extension that is missing") {
+  const TemporaryFolder folder;
+  ViewerState state = stateAt({0, 0, -4});
+  for (int i = 0; i < 2; ++i) addBookmark(state);
+  goToBookmark(state, 1);
+  addKey(state);
+  saveBookmarks(state, folder / "b.json");
+  savePath(state, folder / "p.json");
+  loadPath(state, folder / "p.json");
+  CHECK(state.messages.notice == "1 key from p.json");
+  loadBookmarks(state, folder / "b.json");
+  CHECK(state.messages.notice == "2 bookmarks from b.json");
+  CHECK(state.camera.bookmark == 1);  // they are the same
+  removeBookmark(state, 0);
+  loadBookmarks(state, folder / "b.json");
+  CHECK(state.camera.bookmark == -1);
+  CHECK(withJson("views") == "views.json");
+  CHECK(withJson("a.b/views.1") == "a.b/views.1.json");
+  CHECK(withJson("views.JSON") == "views.JSON");
+  CHECK(withJson("") == "");
+}
+
 TEST_CASE("a button that writes a file asks before it replaces one, and not of its own") {
   const TemporaryFolder folder;
   ViewerState state = stateWithPath();

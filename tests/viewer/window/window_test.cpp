@@ -666,7 +666,7 @@ TEST_CASE("a script that is wrong or cannot write ends with its exit code", "[wi
   CHECK(written.exit_code == 4);
   CHECK_THAT(written.err, Contains("tgview: write.txt: line 2: window: "));
   CHECK(recorded.exit_code == 3);
-  CHECK_THAT(recorded.err, Contains("tgview: record.txt: line 3: record: recording: expected a video ("));
+  CHECK_THAT(recorded.err, Contains("tgview: record.txt: line 3: record: x.exr: expected a video ("));
   CHECK(run("open.txt").exit_code == 3);
   CHECK(run("inspect.txt").exit_code == 3);
 }
