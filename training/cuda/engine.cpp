@@ -69,6 +69,7 @@ class CudaTrainingEngine final : public TrainingEngine {
     cuda::updateFilter(changing(state), cameras_, number_);
   }
   bool mayHaveWide(RunState& state, std::span<const glm::dvec3> eyes, double bound) override {
+    if (!holds_) return true;  // the host has the state, after a swap: sending it costs more than looking there
     hold(state);
     settle(state);
     if (eyes_.size() == 0) eyes_.upload(eyes);

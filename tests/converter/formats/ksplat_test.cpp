@@ -95,7 +95,7 @@ TEST_CASE(".ksplat: sections without splats say nothing") {
     CAPTURE(level);
     const KsplatParts parts{.level = level, .degree = 1};
     const GaussianModel model = parse(parts.whole()).model;
-    for (const std::uint16_t degree : {0, 2}) {
+    for (const std::uint16_t degree : {std::uint16_t{0}, std::uint16_t{2}}) {
       std::string more = patched(parts, 4, std::uint32_t{4});
       std::string empty(1024, '\0');
       std::memcpy(empty.data() + 40, &degree, sizeof(degree));

@@ -215,6 +215,27 @@ TEST_CASE("a CUDA run copies its state for wide Gaussians only where there are s
   CHECK(read(1e-3f, 60) == read(0, 60));
 }
 
+TEST_CASE("a CUDA run whose state a swap brought to the host looks for wide Gaussians there") {
+  const Dataset dataset = smallDataset();
+  TrainSettings settings = run(12, 0);
+  settings.texture_mode = TextureMode::none;
+  settings.densification = Densification::adc;
+  settings.densify_every = 5;
+  settings.densify_from = 4;
+  settings.densify_until = 11;
+  settings.gaussians = 60;
+  settings.limit_by = LimitBy::swap;
+  const auto cuda = makeCudaDifferentiableRenderer();
+  const auto sent = [&](float wide_sigma) {  // [bytes]
+    settings.wide_sigma = wide_sigma;
+    Trainer trainer(dataset, settings, *cuda);
+    const std::size_t before = cuda::bytesToDevice();
+    while (trainer.progress().iteration < 11) trainer.step();
+    return cuda::bytesToDevice() - before;
+  };
+  CHECK(sent(100) == sent(0));
+}
+
 // Of those that the CPU shows in so few steps: a term that the kernels lack is found here.
 TEST_CASE("a setting that changes what the CPU trains changes it with CUDA") {
   const Dataset dataset = test::tinyDataset(12, 20);
