@@ -41,7 +41,8 @@ ByteImage toBytes(const Image& image, const std::string& name) {
     requireShape(image, name);
     requireFinite(image, name);
     ByteImage bytes{image.width, image.height, image.channels, {}};
-    bytes.above_white = 2 * std::ranges::count_if(image.data, [](float value) { return value > 1; }) >
+    constexpr float white = 1 + 0.5f / 255;  // with half a step, since computed colours are rounded
+    bytes.above_white = 2 * std::ranges::count_if(image.data, [](float value) { return value > white; }) >
                         std::ssize(image.data) - std::ranges::count(image.data, 0.0f);
     bytes.data.reserve(image.data.size());
     for (const float value : image.data) {

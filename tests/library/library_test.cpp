@@ -908,6 +908,8 @@ TEST_CASE("a picture in 8 bits is that of a PNG") {
   CHECK_FALSE(bytes.above_white);
   CHECK(toBytes({3, 2, 1, {0, 0, 0, 2, 1, 2}}).above_white);
   CHECK_FALSE(toBytes({3, 2, 1, {0, 0, 2, 2, 1, 1}}).above_white);
+  CHECK_FALSE(toBytes({1, 1, 1, {1.0019f}}).above_white);  // of 255.5 at most, which rounding may leave
+  CHECK(toBytes({1, 1, 1, {1.002f}}).above_white);
   CHECK(toBytes(readImage(folder / "a.png")).data == bytes.data);
   image.data[4] = NAN;
   CHECK(messageOf([&] { toBytes(image); }, ErrorKind::usage) ==

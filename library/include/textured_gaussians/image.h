@@ -21,7 +21,7 @@ struct ByteImage {
   int height = 0;                  // [px]
   int channels = 0;                // 1, 3 (RGB) or 4 (RGB and straight alpha)
   std::vector<std::uint8_t> data;  // [height, width, channels], top row first
-  bool above_white = false;        // of its values but zeros toBytes() found most above 1, white, as of 0 to 255
+  bool above_white = false;        // toBytes() found most values but zeros above 1, white, by over half a step
 };
 
 // Clamped to [0, 1] and rounded, as in a .png that writeImage() writes. Throws Error(usage), which begins with `name`,
