@@ -243,11 +243,21 @@ int channelsOf(const Array& array, const std::string& name, bool colored) {
   return deep ? static_cast<int>(array.shape(2)) : 1;
 }
 
+// Null where there is none. Throws what else Python raises meanwhile, such as an interrupt.
+py::object attributeOf(const py::object& given, const char* name) {
+  auto found = py::reinterpret_steal<py::object>(PyObject_GetAttrString(given.ptr(), name));
+  if (found) return found;
+  if (!PyErr_ExceptionMatches(PyExc_AttributeError)) throw py::error_already_set();
+  PyErr_Clear();
+  return found;
+}
+
 // Of Pillow's pictures some hold bytes that look like others': indices of a palette, inks, another space of colours. Of
-// a mode whose arrays have a type of their own that type is judged. Throws TypeError, which names what to convert to.
+// a mode whose arrays have a type of their own that type is judged. Throws TypeError, which names what to convert to,
+// and what attributeOf() throws.
 void requireMode(const py::object& given, const std::string& name, bool is_mask) {
-  const py::object mode = py::getattr(given, "mode", py::none());
-  if (!py::isinstance<py::str>(mode) || !py::hasattr(given, "convert")) return;  // a file that is mapped has one, too
+  const py::object mode = attributeOf(given, "mode");
+  if (!py::isinstance<py::str>(mode) || !attributeOf(given, "convert")) return;  // a file that is mapped has one, too
   const std::string found = fileNameFrom(py::str(mode));
   if (found == "1" || found == "F" || found.starts_with("I")) return;
   if (found == "L" || (!is_mask && (found == "RGB" || found == "RGBA"))) return;

@@ -640,6 +640,16 @@ class Training(Folder):
         mapped = np.memmap(self.folder / "bytes", np.uint8, "r", shape=deep.shape)
         self.assertEqual(len(tg.Dataset([mapped], [camera])), 1)
 
+    def test_an_interrupt_while_a_picture_tells_its_mode_is_raised(self):
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+        for name in "mode", "convert":
+            def interrupted(picture):
+                raise KeyboardInterrupt
+
+            kind = type("Interrupted", (Pictured,), {name: property(interrupted, lambda picture, value: None)})
+            with self.subTest(name=name), self.assertRaises(KeyboardInterrupt):
+                tg.Dataset([kind("P", np.full((3, 4), 51, np.uint8))], [camera])
+
     def test_what_an_array_says_of_itself_is_the_cause(self):
         camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
         for error in TypeError("can't convert cuda:0 device type tensor to numpy"), ValueError("ragged"):
