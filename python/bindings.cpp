@@ -252,19 +252,30 @@ py::object attributeOf(const py::object& given, const char* name) {
   return found;
 }
 
+// Of a picture of Pillow's; before 10.1 it does not say so itself.
+bool hasTransparency(const py::object& given) {
+  const py::object told = attributeOf(given, "has_transparency_data");
+  if (told) return py::bool_(told);
+  const py::object info = attributeOf(given, "info");
+  return py::isinstance<py::dict>(info) && info.contains("transparency");
+}
+
 // Of Pillow's pictures some hold bytes that look like others': indices of a palette, inks, another space of colours. Of
-// a mode whose arrays have a type of their own that type is judged. Throws TypeError, which names what to convert to,
-// and what attributeOf() throws.
+// a mode whose arrays have a type of their own that type is judged. Throws TypeError, which names what to convert to
+// where Pillow can, and what attributeOf() throws.
 void requireMode(const py::object& given, const std::string& name, bool is_mask) {
   const py::object mode = attributeOf(given, "mode");
   if (!py::isinstance<py::str>(mode) || !attributeOf(given, "convert")) return;  // a file that is mapped has one, too
   const std::string found = fileNameFrom(py::str(mode));
   if (found == "1" || found == "F" || found.starts_with("I")) return;
   if (found == "L" || (!is_mask && (found == "RGB" || found == "RGBA"))) return;
-  const bool has_alpha = found.ends_with("A") || found.ends_with("a");
+  std::string advice;
+  if (found != "La" && !(is_mask && found == "LAB")) {
+    const bool has_alpha = found.ends_with("A") || found.ends_with("a") || (found == "P" && hasTransparency(given));
+    advice = std::string(" (convert(\"") + (is_mask ? "L" : (has_alpha ? "RGBA" : "RGB")) + "\"))";
+  }
   throw py::type_error(oneLine(name + ": expected a picture of mode " + (is_mask ? "1 or L" : "L, RGB or RGBA") +
-                               ", found " + tg::shortened(found) + " (convert(\"" +
-                               (is_mask ? "L" : (has_alpha ? "RGBA" : "RGB")) + "\"))"));
+                               ", found " + tg::shortened(found) + advice));
 }
 
 bool isOfBytes(const py::array& array) { return py::isinstance<py::array_t<std::uint8_t>>(array); }

@@ -631,8 +631,19 @@ class Training(Folder):
                 tg.Dataset([Pictured(mode, array)], [camera])
             self.assertEqual(str(caught.exception), "image 0: expected a picture of mode L, RGB or RGBA, found "
                                                     f'{mode} (convert("{kept}"))')
-        with self.assertRaisesRegex(TypeError, r'^mask 0: expected a picture of mode 1 or L, found P \(convert\("L"\)'):
-            tg.Dataset([flat], [camera], masks=[Pictured("P", flat)])
+        for mode, advice in ("P", ' (convert("L"))'), ("PA", ' (convert("L"))'), ("LAB", ""), ("La", ""):
+            with self.subTest(mode=mode), self.assertRaises(TypeError) as caught:
+                tg.Dataset([flat], [camera], masks=[Pictured(mode, deep)])
+            self.assertEqual(str(caught.exception), f"mask 0: expected a picture of mode 1 or L, found {mode}{advice}")
+        with self.assertRaisesRegex(TypeError, "^image 0: expected a picture of mode L, RGB or RGBA, found La$"):
+            tg.Dataset([Pictured("La", deep[..., :2])], [camera])  # of which Pillow makes LA alone
+        for told, kept in (({"has_transparency_data": True}, "RGBA"), ({"has_transparency_data": False}, "RGB"),
+                           ({"info": {"transparency": 0}}, "RGBA"), ({"info": {"gamma": 1}}, "RGB")):
+            palette = Pictured("P", flat)
+            vars(palette).update(told)
+            with self.subTest(told=told), self.assertRaises(TypeError) as caught:
+                tg.Dataset([palette], [camera])
+            self.assertTrue(str(caught.exception).endswith(f'found P (convert("{kept}"))'), str(caught.exception))
         for mode, array, found in (("I;16", flat.astype("u2"), "uint16"), ("1", flat > 0, "bool")):
             with self.assertRaisesRegex(TypeError, f"image 0: expected uint8, .* found {found}"):
                 tg.Dataset([Pictured(mode, array)], [camera])
@@ -642,7 +653,7 @@ class Training(Folder):
 
     def test_an_interrupt_while_a_picture_tells_its_mode_is_raised(self):
         camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
-        for name in "mode", "convert":
+        for name in "mode", "convert", "has_transparency_data":
             def interrupted(picture):
                 raise KeyboardInterrupt
 
