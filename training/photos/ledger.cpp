@@ -2,6 +2,8 @@
 // photos.json in and out.
 #include "training/photos/ledger.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -46,8 +48,20 @@ Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
   for (fs::path at = folder_; !at.empty() && !fs::exists(at, error); at = at.parent_path()) made_ = at;
   fs::create_directories(folder_, error);
-  if (error) throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot make this folder: " + error.message());
-  lock_.emplace(folder_);
+  if (error) {
+    removeMade();
+    throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot make this folder: " + error.message());
+  }
+  lock_.emplace(folder_);  // where it throws the folder is another's
+  try {
+    read();
+  } catch (...) {
+    removeMade();
+    throw;
+  }
+}
+
+void Ledger::read() {
   const fs::path file = folder_ / kFile;
   if (!isFile(file)) {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
@@ -82,11 +96,16 @@ Ledger::~Ledger() {
     std::error_code ignored;
     for (const char* made : {"logs", "images.part", "masks.part"}) fs::remove_all(folder_ / made, ignored);
     // The list last: without it whatever is left would count as other people's files.
-    if (!holdsListAlone(folder_) || !fs::remove(folder_ / kFile, ignored)) return;
-    for (fs::path at = folder_; !ignored; at = at.parent_path()) {
-      fs::remove(at, ignored);
-      if (at == made_) break;
-    }
+    if (holdsListAlone(folder_)) fs::remove(folder_ / kFile, ignored);
+    removeMade();
+  }
+}
+
+void Ledger::removeMade() const {
+  if (made_.empty()) return;
+  for (fs::path at = folder_;; at = at.parent_path()) {
+    ::rmdir(at.c_str());  // not one that holds something, and not by the name "."
+    if (at == made_) return;
   }
 }
 

@@ -21,9 +21,9 @@ class Ledger {
  public:
   static constexpr const char* kFile = "photos.json";
 
-  // Makes and locks the folder, which goes again where no stage is done in it, with those around it that were made for
-  // it and hold nothing else. A list that cannot be understood counts as none. Throws Error(cannotWrite), also for a
-  // folder with other people's files.
+  // Makes and locks the folder, which goes again where no stage is done in it and where this throws, with those around
+  // it that were made for it and hold nothing else; one that another holds stays. A list that cannot be understood
+  // counts as none. Throws Error(cannotWrite), also for a folder with other people's files.
   explicit Ledger(std::filesystem::path folder);
   ~Ledger();
   Ledger& operator=(Ledger&&) = delete;
@@ -44,7 +44,9 @@ class Ledger {
     bool done = false;
     std::string result = "null";
   };
+  void read();
   void write() const;
+  void removeMade() const;
 
   const std::filesystem::path folder_;
   std::map<PhotoStage, Entry> entries_;

@@ -2,6 +2,7 @@
 // What counts as done.
 #include "training/photos/ledger.h"
 
+#include <algorithm>
 #include <fstream>
 
 #include "core/system/error.h"
@@ -54,6 +55,22 @@ TEST_CASE("a folder with other people's files is refused, a broken list is none"
   }
 }
 
+TEST_CASE("folders that were made for one that cannot be used go again", "[photos]") {
+  const tg::TemporaryFolder folder;
+  std::filesystem::path work = folder / "a/b" / std::string(300, 'c');  // a longer name than file systems have
+  CHECK_THAT(tg::test::messageOf([&] { Ledger ledger(work); }, tg::ErrorKind::cannotWrite),
+             Contains("cannot make this folder"));
+  CHECK(std::filesystem::is_empty(folder.path));
+  work = folder.path;  // as long as a path may be, so that there is none for the list
+  while (work.native().size() < 4080) work /= std::string(std::min<std::size_t>(200, 4089 - work.native().size()), 'd');
+  CHECK_THAT(tg::test::messageOf([&] { Ledger ledger(work); }, tg::ErrorKind::cannotWrite), Contains("photos.json"));
+  CHECK(std::filesystem::is_empty(folder.path));
+  std::filesystem::create_symlink(folder / "gone", folder / "link");
+  CHECK_THAT(tg::test::messageOf([&] { Ledger ledger(folder / "link"); }, tg::ErrorKind::cannotWrite),
+             Contains("cannot make this folder"));
+  CHECK(std::filesystem::is_symlink(folder / "link"));
+}
+
 TEST_CASE("a folder in which no stage is done goes again but not what else is in it", "[photos]") {
   const tg::TemporaryFolder folder;
   const auto use = [&] {
@@ -67,7 +84,8 @@ TEST_CASE("a folder in which no stage is done goes again but not what else is in
   use();
   CHECK_FALSE(std::filesystem::exists(folder / "work"));
   std::filesystem::create_directory(folder / "old");
-  for (const char* work : {"old/a/b/c", "old/a/b/c/"}) {  // with the folders that were made for it
+  for (const char* work :
+       {"old/a/b/c", "old/a/b/c/", "old/a/b/.", "old/a/./b"}) {  // with the folders that were made for it
     {
       const Ledger ledger(folder / work);
     }
