@@ -203,16 +203,9 @@ bool isNamedIn(const fs::path& parent, const std::string& folder, const fs::path
 class NewFolder {
  public:
   explicit NewFolder(const fs::path& parent) {
-    static std::atomic<unsigned> counter{0};
-    const std::string stem = ".new-" + std::to_string(::getpid()) + "-";
-    do {
-      path_ = parent / (stem + std::to_string(counter++));
-      if (::mkdir(path_.c_str(), 0777) == 0) {
-        removed_.emplace(path_);
-        return;
-      }
-    } while (errno == EEXIST);
-    throw Error(ErrorKind::cannotWrite, parent.string(), "cannot make a folder here: " + systemReason());
+    path_ = makeTemporaryFolder(parent / ".new-", 0777, removed_);
+    if (path_.empty())
+      throw Error(ErrorKind::cannotWrite, parent.string(), "cannot make a folder here: " + systemReason());
   }
   ~NewFolder() {
     std::error_code ignored;

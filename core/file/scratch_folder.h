@@ -44,12 +44,10 @@ class ScratchFolder {
       }
       throw Error(ErrorKind::cannotWrite, wanted, "no folder for temporary files: " + error.message());
     }
-    std::string name = (place / "textured-gaussians-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
+    path_ = makeTemporaryFolder(place / "textured-gaussians-", 0700, named_);
+    if (path_.empty()) {
       throw Error(ErrorKind::cannotWrite, place.string(), "cannot make a temporary folder here: " + systemReason());
     }
-    path_ = name;
-    named_.emplace(path_);
   }
   ~ScratchFolder() {
     std::error_code ignored;

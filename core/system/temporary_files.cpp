@@ -4,6 +4,7 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -13,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <string>
 
 namespace tg {
 
@@ -103,6 +105,23 @@ RemovedBySignal::~RemovedBySignal() {
   if (!slot_) return;
   slot_->named = false;
   slot_->taken = false;
+}
+
+std::filesystem::path makeTemporaryFolder(const std::filesystem::path& stem, mode_t mode,
+                                          std::optional<RemovedBySignal>& removed) {
+  static std::atomic<unsigned> counter{0};
+  for (;;) {
+    std::filesystem::path path = stem;
+    path += std::to_string(::getpid()) + "-" + std::to_string(counter++);
+    struct stat there{};
+    if (::lstat(path.c_str(), &there) == 0) continue;  // somebody else's: no signal may take it
+    removed.emplace(path);
+    if (::mkdir(path.c_str(), mode) == 0) return path;
+    const int reason = errno;
+    removed.reset();
+    errno = reason;
+    if (reason != EEXIST) return {};
+  }
 }
 
 void removeTemporaryFiles() noexcept {

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The names of temporary files and folders, kept where a signal handler finds them.
 #pragma once
+#include <sys/types.h>
+
 #include <filesystem>
+#include <optional>
 
 namespace tg {
 
@@ -19,6 +22,11 @@ class RemovedBySignal {
  private:
   Slot* slot_ = nullptr;
 };
+
+// Makes a folder whose name is `stem` and a number that nothing there has, with `mode` as far as the umask allows, and
+// holds it in `removed` before it is there. Where it cannot be made: empty, with errno, and `removed` is empty.
+std::filesystem::path makeTemporaryFolder(const std::filesystem::path& stem, mode_t mode,
+                                          std::optional<RemovedBySignal>& removed);
 
 // Removes the temporary files and folders of writes that are under way in any thread: async-signal-safe. Those writes
 // fail.

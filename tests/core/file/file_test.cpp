@@ -219,6 +219,28 @@ TEST_CASE("a program that a signal ends leaves nothing half written, whatever it
   }
 }
 
+TEST_CASE("a program that a signal ends leaves no temporary folder, however soon after it was made") {
+  const tg::TemporaryFolder folder;
+  for (int round = 0; round < 100; ++round) {
+    const pid_t child = ::fork();
+    REQUIRE(child >= 0);
+    if (child == 0) {
+      ::setenv("TMPDIR", folder.path.c_str(), 1);
+      tg::handleStopSignals(tg::endAtOnce);
+      for (;;) const tg::ScratchFolder scratch;
+    }
+    const auto begun = [&] { return fileCount(folder.path) > 0; };
+    for (int wait = 0; wait < 10'000 && !begun(); ++wait) std::this_thread::sleep_for(std::chrono::microseconds(100));
+    ::kill(child, SIGTERM);
+    int status = 0;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    REQUIRE(WIFSIGNALED(status));
+    REQUIRE(WTERMSIG(status) == SIGTERM);
+    INFO("round " << round);
+    REQUIRE(fileCount(folder.path) == 0);
+  }
+}
+
 TEST_CASE("an exception while writing leaves the older file and nothing beside it") {
   const tg::TemporaryFolder folder;
   tg::writeFileAtomically(folder / "a.txt", Bytes{7});
