@@ -20,6 +20,10 @@ constexpr std::size_t kPieceBytes = 1 << 20;
 
 }  // namespace
 
+bool isPadding(std::span<const std::uint8_t> bytes) {
+  return std::ranges::all_of(bytes, [](std::uint8_t byte) { return byte == 0; });
+}
+
 struct GzipBytes::State {
   std::string path;
   std::uint64_t packed_bytes = 0;
@@ -29,11 +33,11 @@ struct GzipBytes::State {
 
   ~State() { inflateEnd(&stream); }
 
-  // Another member may follow (RFC 1952, section 2.2), and nothing else.
+  // Another member may follow (RFC 1952, section 2.2), or zeros to the end, which gzip(1) passes over, too.
   void endMember() {
     left = {stream.next_in, stream.avail_in + left.size()};
     stream.avail_in = 0;
-    finished = left.empty();
+    finished = isPadding(left);
     if (finished) return;
     if (left.size() < 2 || left[0] != 0x1f || left[1] != 0x8b) {
       throw Error(ErrorKind::badData, path,

@@ -9,8 +9,11 @@
 
 namespace tg {
 
+// Whether there are none but zeros, as those are that fill a file or a buffer view up.
+bool isPadding(std::span<const std::uint8_t> bytes);
+
 // A gzip stream of one member or several (deflate cannot deliver more than 1032 times its size). Reading behind the
-// last one's end throws Error(badData) where other bytes follow it.
+// last one's end throws Error(badData) where other bytes than padding follow it.
 class GzipBytes {
  public:
   // `bytes` must outlive this; `path` starts the messages.

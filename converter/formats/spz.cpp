@@ -173,7 +173,7 @@ struct Extensions {
 // Records of type, length and content. What is cut is nobody's: it counts as another's.
 Extensions readExtensions(std::span<const std::uint8_t> bytes) {
   Extensions found;
-  while (!bytes.empty()) {
+  while (!isPadding(bytes)) {
     const std::uint64_t length = bytes.size() < 8 ? 0 : readU32(bytes, 4);
     if (bytes.size() < 8 || length > bytes.size() - 8) {
       found.others = true;
@@ -260,9 +260,10 @@ std::uint64_t payloadBytes(const SpzHeader& header) {
   return std::accumulate(sizes.begin(), sizes.end(), std::uint64_t{0});
 }
 
-void checkTrailer(const SpzHeader& header, std::uint64_t bytes, const std::string& path) {
-  if (bytes == 0 || (header.flags & kSpzExtensions) != 0) return;
-  throw Error(ErrorKind::badData, path, "SPZ: " + std::to_string(bytes) + " bytes follow the splats (expected none)");
+void checkTrailer(const SpzHeader& header, std::span<const std::uint8_t> bytes, const std::string& path) {
+  if (isPadding(bytes) || (header.flags & kSpzExtensions) != 0) return;
+  throw Error(ErrorKind::badData, path,
+              "SPZ: " + std::to_string(bytes.size()) + " bytes follow the splats (expected none)");
 }
 
 Bundle parseGzip(std::span<const std::uint8_t> bytes, const Asked& asked) {
@@ -275,7 +276,7 @@ Bundle parseGzip(std::span<const std::uint8_t> bytes, const Asked& asked) {
   }
   const std::vector<std::uint8_t> payload = gzip.take(payloadBytes(header), "the SPZ payload");
   const std::vector<std::uint8_t> rest = gzip.takeRest(kMaxExtensionBytes);
-  checkTrailer(header, rest.size(), path);
+  checkTrailer(header, rest, path);
   return finish(header, split(header, payload), rest, asked);
 }
 
@@ -317,7 +318,7 @@ Bundle parseStreams(const SpzHeader& header, std::span<const std::uint8_t> bytes
     views[s] = unpacked[s];
     at += packed;
   }
-  checkTrailer({}, bytes.size() - at, path);
+  checkTrailer({}, bytes.subspan(at), path);
   return finish(header, views, bytes.subspan(kSpz4HeaderBytes, static_cast<std::size_t>(table) - kSpz4HeaderBytes),
                 asked);
 }
@@ -452,9 +453,9 @@ Bundle parseSpz(std::span<const std::uint8_t> bytes, const std::string& path, st
                 "SPZ: the file is too short for its " + std::to_string(header.count) + " splats (expected " +
                     std::to_string(kSpzHeaderBytes + expected) + " bytes, found " + std::to_string(bytes.size()) + ")");
   }
-  checkTrailer(header, bytes.size() - kSpzHeaderBytes - expected, path);
-  return finish(header, split(header, bytes.subspan(kSpzHeaderBytes)),
-                bytes.subspan(kSpzHeaderBytes + static_cast<std::size_t>(expected)), asked);
+  const std::span<const std::uint8_t> rest = bytes.subspan(kSpzHeaderBytes + static_cast<std::size_t>(expected));
+  checkTrailer(header, rest, path);
+  return finish(header, split(header, bytes.subspan(kSpzHeaderBytes)), rest, asked);
 }
 
 Bundle readSpz(const std::filesystem::path& path, std::optional<SpzAxes> axes) {

@@ -159,6 +159,26 @@ TEST_CASE("SPZ in several gzip members is read as in one, and nothing else may f
   CHECK(refusal(packed + gzipped(std::string(100 << 20, '\0'))).starts_with("a.spz: too many bytes after the splats"));
 }
 
+TEST_CASE("SPZ: zeros that fill the file up are passed over and other bytes are not") {
+  SpzParts extended(3);
+  extended.flags = 2;
+  const std::string axes("\x03\0\xbe\xad\4\0\0\0\6\0\0\0", 12), whole = SpzParts(3).whole();
+  for (const std::string& bytes :
+       {gzipped(whole), whole, SpzParts(4).version4(), gzipped(extended.whole() + axes), extended.whole() + axes}) {
+    const Bundle loaded = spz(bytes);
+    for (const std::size_t zeros : {1, 3, 7, 8, 512}) {
+      CAPTURE(bytes.size(), zeros);
+      const Bundle padded = spz(bytes + std::string(zeros, '\0'));
+      CHECK(padded.model == loaded.model);
+      CHECK(padded.warnings.empty());
+    }
+  }
+  CHECK(messageOf([&] { spz(gzipped(whole) + std::string(3, '\0') + "x"); }) ==
+        "a.spz: 4 bytes follow the gzip stream (expected none)");
+  CHECK(messageOf([&] { spz(SpzParts(4).version4() + std::string(3, '\0') + "x"); }) ==
+        "a.spz: SPZ: 4 bytes follow the splats (expected none)");
+}
+
 TEST_CASE("SPZ without gzip around it is read, as some tools write it") {
   CHECK(spz(SpzParts(2).whole()).model.size() == 2);
 }

@@ -70,6 +70,22 @@ TEST_CASE("splats of an SPZ inside a glTF file are turned as the draft says") {
   CHECK(checkFile(path).errors.empty());
 }
 
+TEST_CASE("an SPZ inside a glTF file may be shorter than its buffer view by zeros") {
+  const Scratch scratch;
+  const GaussianModel model = test::makeScene(SceneKind::ordinary, 9, 12).model;
+  for (const int version : {kOldestSpz, kNewestSpz}) {
+    CAPTURE(version);
+    SpzReport report;
+    const std::vector<std::uint8_t> bytes = formatSpz(model, "a.spz", report, version);
+    const std::string spz(bytes.begin(), bytes.end());
+    const auto path = scratch.write("a.glb", glbAround(spz + std::string(3, '\0'), model.size()).bytes());
+    CHECK(readModel(path).model == readModel(scratch.write("b.glb", glbAround(spz, model.size()).bytes())).model);
+    CHECK(checkFile(path).errors.empty());
+    CHECK(refusal(scratch.write("c.glb", glbAround(spz + "x", model.size()).bytes())).find("1 bytes follow the ") !=
+          std::string::npos);
+  }
+}
+
 TEST_CASE("an SPZ inside a glTF file that is broken, cut or of another count is refused") {
   const Scratch scratch;
   const GaussianModel model = test::makeScene(SceneKind::ordinary, 9, 12).model;
