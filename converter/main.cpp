@@ -12,6 +12,8 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "converter/batch.h"
@@ -93,11 +95,21 @@ class ProgressLine {
   Clock::time_point start_ = Clock::now();
 };
 
+// Whether it is there, and not only by its name what it should be.
+bool isModelNamed(const std::filesystem::path& path, std::string_view format) {
+  try {
+    return tg::detectFormat(path).name == format;
+  } catch (const tg::Error&) {
+    return false;
+  }
+}
+
 int runBatch(const Arguments& arguments) {
   if (arguments.to.empty()) {
-    for (const char* name : {"lod-meta.json", "meta.json", "model.tgz"}) {  // levels of detail, a SOG, a run
+    for (const auto& [name, format] : {std::pair("lod-meta.json", "lod-meta.json"), std::pair("meta.json", "meta.json"),
+                                       std::pair("model.tgz", "tgz")}) {  // levels of detail, a SOG, a run
       const std::filesystem::path inside = std::filesystem::path(arguments.input) / name;
-      if (std::error_code ignored; !std::filesystem::exists(inside, ignored)) continue;
+      if (!isModelNamed(inside, format)) continue;
       throw tg::Error(tg::ErrorKind::usage, arguments.input,
                       "is a folder (did you mean " + tg::printable(inside.string()) + "?)");
     }

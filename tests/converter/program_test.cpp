@@ -262,6 +262,24 @@ TEST_CASE("a slip in an expression is told what it may have meant") {
   CHECK(refused.err.find("unknown value opacty, did you mean opacity? (expected NAME") != std::string::npos);
 }
 
+TEST_CASE("of a folder that is given for a model the file is named that is one") {
+  const Scratch scratch;
+  std::filesystem::create_directory(scratch.folder() / "in");
+  const auto said = [&] { return tgconvert(scratch, "in out.ply").err; };
+  writeBundle(scratch.folder() / "in/model.tgz", Bundle());
+  scratch.write("in/meta.json", R"({"name": "a data set"})");
+  scratch.write("in/lod-meta.json", "");
+  CHECK_THAT(said(), Contains("in: is a folder (did you mean in/model.tgz?)"));
+  scratch.write("in/meta.json", R"({"means": {}, "scales": {}})");
+  CHECK_THAT(said(), Contains("(did you mean in/meta.json?)"));
+  scratch.write("in/lod-meta.json", R"({"lodLevels": 1})");
+  CHECK_THAT(said(), Contains("(did you mean in/lod-meta.json?)"));
+  for (const char* name : {"model.tgz", "meta.json", "lod-meta.json"}) {
+    scratch.write(std::string("in/") + name, "what a reader knows nothing of");
+  }
+  CHECK_THAT(said(), Contains("--to is missing"));
+}
+
 TEST_CASE("tgconvert writes SPZ 4, and 3 where it is asked for") {
   const Scratch scratch;
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 50, 3.0, 45));
