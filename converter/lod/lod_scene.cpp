@@ -6,6 +6,7 @@
 #include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <queue>
 #include <utility>
 
@@ -27,8 +28,9 @@ constexpr std::size_t kMaxFiles = 1'000'000;
 constexpr std::size_t kMaxChildren = 1'000'000;
 
 std::string insideName(const JsonNode& node, const std::string& name) {
-  if (!staysInside(name)) node.fail(leavesFolder(name));
-  return name;
+  const std::optional<std::string> inside = nameInside(name);
+  if (!inside) node.fail(leavesFolder(name));
+  return *inside;
 }
 
 Box readBox(const JsonNode& node) {

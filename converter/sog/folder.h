@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -13,8 +14,9 @@ namespace tg {
 
 constexpr const char* kSogMetaName = "meta.json";
 
-// Parts of letters, digits, '_', '-' and '.', none of which begins with a dot, with '/' between them.
-bool staysInside(std::string_view name);
+// `name` without a "./" before it, where it stays inside: parts of letters, ASCII or beyond it, digits, spaces and
+// _ - . ( ) +, none of which begins with a dot, with '/' between them.
+std::optional<std::string> nameInside(std::string_view name);
 // The words for another name.
 std::string leavesFolder(const std::string& name);
 // `read` of meta.json and of names that stay inside its folder; of others Error(badData), which `path` begins.

@@ -76,10 +76,18 @@ TEST_CASE("levels of detail: a leaf without the finer levels has its finest one 
   CHECK(scene.leaves[0].levels == std::vector<LodRange>{{1, 0, 16}, {1, 0, 16}, {2, 0, 4}});
 }
 
+TEST_CASE("levels of detail: a file's name may have spaces and letters beyond ASCII") {
+  Json meta = gridOfLeaves(1, 3, 64);
+  meta["filenames"][0] = "./a b (1)+2/m\u00e9ta \u96ea.json";
+  CHECK(sceneOf(meta).files[0] == "a b (1)+2/m\u00e9ta \u96ea.json");
+}
+
 TEST_CASE("levels of detail: a hostile lod-meta.json is refused in words") {
   CHECK(refusal([](Json&) {}) == "accepted");
-  for (const char* name : {"../../x", "/etc/passwd", "a/../b", "a//b", "", ".", "a/", "https://a/b", "a\\b", "a b",
-                           ".hidden/meta.json", "%2e%2e/x"}) {
+  for (const char* name :
+       {"../../x", "/etc/passwd",       "a/../b",     "a//b", "",     ".",     "a/",     "https://a/b", "a\\b",
+        "a:b",     ".hidden/meta.json", "%2e%2e/x",   "./",   ".//a", "././a", "./../a", " /../a",      "a?b",
+        "a#b",     "a\x1b[m",           "a\xc2\x9b[m"}) {
     CAPTURE(name);
     const std::string said = refusal([&](Json& meta) { meta["filenames"][0] = name; });
     CHECK(said.starts_with("s/lod-meta.json: "));

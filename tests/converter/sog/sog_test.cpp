@@ -235,19 +235,20 @@ TEST_CASE("SOG: files that are not bundled are the model of the bundled ones") {
   const Scratch scratch;
   const GaussianModel model = test::makeScene(test::SceneKind::ordinary, 18, 30).model;
   const auto meta = scratch.folder() / "a.json", bundled = scratch.folder() / "a.sog";
-  std::filesystem::create_directory(scratch.folder() / "images");
+  const std::string images = "images (1) + \u00e9";
+  std::filesystem::create_directory(scratch.folder() / images);
   std::uint64_t bytes = 0;
   std::string text;
   for (const ZipEntry& entry : sogFiles(model, "a.sog")) {
     const std::string content(entry.bytes.begin(), entry.bytes.end());
     if (entry.name == kSogMetaName) text = content;
-    if (entry.name != kSogMetaName) scratch.write("images/" + entry.name, content);
+    if (entry.name != kSogMetaName) scratch.write(images + "/" + entry.name, content);
     bytes += content.size();
   }
   nlohmann::json json = nlohmann::json::parse(text);
   for (nlohmann::json& part : json) {
     if (!part.is_object() || !part.contains("files")) continue;
-    for (nlohmann::json& file : part["files"]) file = "images/" + file.get<std::string>();
+    for (nlohmann::json& file : part["files"]) file = "./" + images + "/" + file.get<std::string>();
   }
   const auto store = [&] { scratch.write("a.json", json.dump()); };
   store();
@@ -265,7 +266,8 @@ TEST_CASE("SOG: files that are not bundled are the model of the bundled ones") {
     json["sh0"]["files"][0] = name;
     store();
     CHECK(refusal() ==
-          ": a file's name leaves the folder, or has other signs (expected letters, digits, _ - . and /, found \"" +
+          ": a file's name leaves the folder, or has other signs (expected letters, digits, spaces, _ - . ( ) + and /, "
+          "found \"" +
               name + "\")");
   }
   json = whole;

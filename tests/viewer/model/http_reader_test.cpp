@@ -27,12 +27,13 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-// Serves /scene/a.bin (1000 bytes), /scene/b/c.bin (3 bytes), and nothing else.
+// Serves /scene/a.bin (1000 bytes), /scene/b/c.bin (3 bytes), one with other signs (2 bytes), and nothing else.
 HttpServer makeServer() {
   return HttpServer("127.0.0.1", 0, [](const HttpRequest& request) -> HttpAnswer {
     const auto bytes = [](std::size_t count) { return std::make_shared<const Bytes>(count, std::uint8_t{7}); };
     if (request.path == "/scene/a.bin") return {.text = {}, .bytes = bytes(1000)};
     if (request.path == "/scene/b/c.bin") return {.text = {}, .bytes = bytes(3)};
+    if (request.path == "/scene/a b/(1)+\u00e9.bin") return {.text = {}, .bytes = bytes(2)};
     return {.status = 404, .text = "no", .bytes = {}};
   });
 }
@@ -159,6 +160,7 @@ TEST_CASE("files come over HTTP as they are, the address's own and those beside 
   CHECK(reader.read("", 1000, {}) == Bytes(1000, 7));
   CHECK(reader.read("b/c.bin", 1000, {}) == Bytes(3, 7));
   CHECK(reader.read("a.bin", 1000, {}) == Bytes(1000, 7));
+  CHECK(reader.read("a b/(1)+\u00e9.bin", 1000, {}) == Bytes(2, 7));
 }
 
 TEST_CASE("a server that closes the connection that it kept is asked once more on another one") {
