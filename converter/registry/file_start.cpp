@@ -21,9 +21,8 @@ namespace {
 constexpr std::size_t kStartBytes = 1 << 16;
 constexpr std::size_t kMostJsonBytes = std::size_t{256} << 20;  // as many as a glTF may have
 constexpr std::size_t kLongestKey = 32;                         // the others decide nothing
-// Each of them is a glTF's alone.
-constexpr std::array<std::string_view, 7> kGltfKeys = {"accessors", "bufferViews", "buffers", "meshes",
-                                                       "nodes",     "scene",       "scenes"};
+// Each of them is a glTF's alone, as "scene", "scenes" and "nodes" are not.
+constexpr std::array<std::string_view, 4> kGltfKeys = {"accessors", "bufferViews", "buffers", "meshes"};
 
 // The first four bytes inside a gzip stream, or none when it is broken.
 std::string peekInsideGzip(const std::string& start) {

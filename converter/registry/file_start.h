@@ -11,7 +11,8 @@ namespace tg {
 
 enum class JsonKind { gltf, levels, tileset, sog };
 
-// Reads a JSON text in pieces, no further than it must to know what it is.
+// Reads a JSON text in pieces, no further than it must to know what it is. Keys are compared as they are written: one
+// with an escape in it ("m\u0065ans") is none that is known.
 class JsonKindReader {
  public:
   // The next bytes. Whether enough is known: all that follows says nothing more.

@@ -9,6 +9,7 @@
 
 #include "converter/lod/lod_scene.h"
 #include "converter/scratch.h"
+#include "converter/sog/folder.h"
 #include "converter/splat_files.h"
 #include "core/file/file.h"
 #include "core/model/verbs.h"
@@ -72,7 +73,14 @@ TEST_CASE("what a JSON is follows from the keys of its outermost object wherever
   CHECK(format("{" + extras + R"(, "lodLevels": 1})") == kLodMetaName);
   CHECK(format(R"({"filenames": [], )" + extras + "}") == kLodMetaName);
   CHECK(format(R"({"filenames": [], )" + extras + R"(, "meshes": []})") == "gltf");
-  CHECK(format("{" + extras + R"(, "scenes": [], "geometricError": 1})") == "gltf");
+  for (const std::string own : {R"("scene": {"name": "garden"})", R"("scenes": [])", R"("nodes": 1)"}) {
+    CAPTURE(own);
+    CHECK(format("{" + own + R"(, "means": {}, "scales": {}})") == kSogMetaName);
+    CHECK(format(R"({"means": {}, )" + own + R"(, "scales": {}})") == kSogMetaName);
+    CHECK(format("{" + own + R"(, "lodLevels": 1})") == kLodMetaName);
+    CHECK(format("{" + own + R"(, "geometricError": 1})") == "tileset.json");
+    CHECK(format("{" + own + "}") == "gltf");
+  }
   CHECK(format("{" + extras + R"(} "lodLevels": 1)") == "gltf");
 }
 
