@@ -57,7 +57,7 @@ class SogReader {
     readColors(meta.at("sh0").object());
     if (degree > 0) readSh(sh);
     if (has("model") && meta.string("model") != "default") {
-      loaded_.warnings.push_back("trained as \"" + meta.string("model") + "\", which the model has no word for");
+      loaded_.warnings.push_back("trained as " + meta.at("model").shown() + ", which the model has no word for");
     } else if (has("antialias") && meta.boolean("antialias")) {
       loaded_.warnings.emplace_back(kAntialiasedWarning);
     }

@@ -222,6 +222,17 @@ TEST_CASE("SOG: what is wrong in meta.json of a folder is told without naming it
         "lod/0/0_0/meta.json: /means: wrong type (expected an object, found 7)");
 }
 
+TEST_CASE("SOG: a long name of what it was trained as is cut in the warning") {
+  const Scratch scratch;
+  SogParts parts;
+  parts.meta["model"] = "2dgs";
+  CHECK(parseSog(parts.bytes(scratch), "a.sog").warnings ==
+        std::vector<std::string>{"trained as \"2dgs\", which the model has no word for"});
+  parts.meta["model"] = std::string(100'000, 'm');
+  CHECK(parseSog(parts.bytes(scratch), "a.sog").warnings ==
+        std::vector<std::string>{"trained as \"" + std::string(36, 'm') + "..., which the model has no word for"});
+}
+
 TEST_CASE("SOG: what meta.json may leave out may be null") {
   const Scratch scratch;
   SogParts parts;
