@@ -4,8 +4,12 @@
 
 #include <unistd.h>
 
+#include <initializer_list>
 #include <set>
 #include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include "converter/lod/lod_scene.h"
 #include "converter/scratch.h"
@@ -92,6 +96,29 @@ TEST_CASE("of a JSON no more is read than says what it is in pieces of any size"
     for (bool known = false; !known; read += size) known = reader.add(std::string_view(text).substr(read, size));
     CHECK(reader.kind() == JsonKind::levels);
     CHECK(read < text.find("lodLevels") + std::string_view("lodLevels\"").size() + size);
+  }
+}
+
+TEST_CASE("what a JSON is does not depend on where its bytes are cut into pieces") {
+  const auto kindOf = [](std::initializer_list<std::string_view> pieces) {
+    JsonKindReader reader;
+    for (const std::string_view piece : pieces) (void)reader.add(piece);
+    return reader.kind();
+  };
+  const std::vector<std::pair<std::string_view, JsonKind>> texts = {
+      {R"({"x\\\"": "\\", "scales": {"a": "]"}, "b": ["{"], "means": 1})", JsonKind::sog},
+      {R"({"a": {"meshes": 1}, "\"lodLevels": 2, "geometricError": 3})", JsonKind::tileset},
+      {R"({"filenames": ["\"}", "meshes", {}], "x": "geometricError"})", JsonKind::levels},
+      {R"({"m\u0065ans": 1, "scales": 2, "a": "\\\"means\": "})", JsonKind::gltf},
+      {R"({"buffers": [], "lodLevels": 1})", JsonKind::gltf},
+      {R"({"means": {}} "scales": "lodLevels)", JsonKind::gltf}};
+  for (const auto& [text, kind] : texts) {
+    for (std::size_t first = 0; first <= text.size(); ++first) {
+      for (std::size_t second = first; second <= text.size(); ++second) {
+        CAPTURE(text, first, second);
+        CHECK(kindOf({text.substr(0, first), text.substr(first, second - first), text.substr(second)}) == kind);
+      }
+    }
   }
 }
 
