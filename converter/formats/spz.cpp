@@ -173,7 +173,9 @@ struct Extensions {
 // Records of type, length and content. What is cut is nobody's: it counts as another's.
 Extensions readExtensions(std::span<const std::uint8_t> bytes) {
   Extensions found;
-  while (!isPadding(bytes)) {
+  const std::uint8_t* padding = bytes.data() + bytes.size();  // looked for once: hostile records are empty, and many
+  while (padding != bytes.data() && padding[-1] == 0) --padding;
+  while (bytes.data() < padding) {
     const std::uint64_t length = bytes.size() < 8 ? 0 : readU32(bytes, 4);
     if (bytes.size() < 8 || length > bytes.size() - 8) {
       found.others = true;
