@@ -494,11 +494,11 @@ void warnRepairs(GltfDocument& document, const SplatInstance& instance, const Re
   const auto say = [&](std::size_t count, const std::string& what) {
     if (count != 0) document.warn(instance.splats.pointer, std::to_string(count) + " splats " + what);
   };
-  say(repairs.rotation, "with a quaternion that is not of unit length: normalised");
-  say(repairs.opacity, "with an opacity outside [0, 1]: clamped");
-  say(repairs.scale, "with a negative scale: sign dropped");
-  say(repairs.dropped, "with values that are not finite or a quaternion of length 0: dropped");
-  say(repairs.plane, "with a texture whose SCALE.z is not the smallest: it lies on the two longer axes");
+  say(repairs.rotation, "with a quaternion that is not of unit length", "normalised");
+  say(repairs.opacity, "with an opacity outside [0, 1]", "clamped");
+  say(repairs.scale, "with a negative scale", "sign dropped");
+  say(repairs.dropped, "with values that are not finite or a quaternion of length 0", "dropped");
+  say(repairs.plane, "with a texture whose SCALE.z is not the smallest", "it lies on the two longer axes");
 }
 
 // What write_gltf.cpp keeps in asset.extras.
@@ -650,6 +650,7 @@ Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options, c
 
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options) {
   GltfDocument document = loadGltf(bytes, path);
+  document.errors = options.errors;
   return assemble(document, options);
 }
 

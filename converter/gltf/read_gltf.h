@@ -18,7 +18,7 @@ namespace tg {
 // error, never a silent fall back to the base.
 Bundle readGltf(const std::filesystem::path& path, const ReadOptions& options = {},
                 const glm::dmat4& world_from_scene = glm::dmat4(1.0));
-// The same from memory, without options.errors; `path` starts the messages.
+// The same from memory; `path` starts the messages.
 Bundle parseGltf(std::span<const std::uint8_t> bytes, const std::string& path, const ReadOptions& options = {});
 
 // What is wrong with a file as its base and with its textures, and what reading it gets by: alignment, extensionsUsed,

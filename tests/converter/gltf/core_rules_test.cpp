@@ -9,8 +9,10 @@
 #include <limits>
 
 #include "converter/check.h"
+#include "converter/formats/repair.h"
 #include "converter/glb.h"
 #include "converter/gltf/meshopt.h"
+#include "converter/gltf/read_gltf.h"
 #include "converter/gltf/write_gltf.h"
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"
@@ -272,6 +274,31 @@ TEST_CASE("what breaks a rule and is put right is a warning of reading and an er
   CHECK(report.gaussians == 12);
   REQUIRE(report.warnings.size() == 1);
   CHECK(report.warnings[0].message == "unknown projection \"fisheye\", taken for perspective");
+
+  // Pages and tilesets hold such files; what a file says itself is no repair, whatever its words.
+  Glb thin = sound;
+  put(thin, khr + ":SCALE", 4, -0.1f);
+  std::vector<std::string> errors;
+  const std::string bytes = thin.bytes();
+  const Bundle page =
+      parseGltf({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "a.html", {.errors = &errors});
+  CHECK(page.warnings.empty());
+  CHECK(errors == std::vector<std::string>{"a.html: " + kPrimitive + ": 1 splats with a negative scale"});
+  scratch.write("thin.glb", bytes);
+  CHECK(errorsOf(scratch.write("tileset.json", R"({"asset": {"version": "1.1"}, "geometricError": 1, "root": )"
+                                               R"({"geometricError": 0, "content": {"uri": "thin.glb"}}})"))
+            .ends_with(kPrimitive + ": 1 splats with a negative scale\n"));
+  Glb worded = sound;
+  worded.json["extensionsUsed"].push_back("X 3 splats with");
+  worded.splatting()["colorSpace"] = "2 splats with blue";
+  const CheckReport told = checkFile(scratch.write("worded.glb", worded.bytes()));
+  CAPTURE(describe(told));
+  CHECK(told.errors.empty());
+  CHECK(told.warnings.size() == 2);
+  CHECK(isRepair("3 splats with a broken rotation: not turned"));
+  CHECK(isRepair("0_0/meta.json: 3 splats with a broken rotation: not turned"));
+  CHECK_FALSE(isRepair("trained as \"x: 3 splats with y\", which the model has no word for"));
+  CHECK_FALSE(isRepair("trained as 3 splats with y"));
 
   std::string splat(64, '\x40');  // two splats; a quaternion of four times 128 has no length
   std::fill_n(splat.begin() + 28, 4, '\x80');
