@@ -51,6 +51,35 @@ std::vector<int> rootNodes(const tinygltf::Model& model) {
   return roots;
 }
 
+// Nothing when the matrix is more than `scale`, a rotation and a translation: `wrong` then says so. `bent`: what it
+// does whose axes are neither at right angles nor of one length.
+std::optional<RigidScale> decomposeAs(const glm::dmat4& m, const std::string& bent, const std::string& scale,
+                                      std::string& wrong) {
+  RigidScale result;
+  result.identity = m == glm::dmat4(1.0);
+  if (result.identity) return result;
+  const auto fail = [&](const std::string& what) {
+    wrong = "the transform " + what + " (expected " + scale + ", a rotation and a translation)";
+    return std::nullopt;
+  };
+  const glm::dmat3 linear(m);
+  result.translation = glm::dvec3(m[3]);
+  const double determinant = glm::determinant(linear);
+  bool finite = std::isfinite(determinant);
+  for (int k = 0; k < 16; ++k) finite = finite && std::isfinite(m[k / 4][k % 4]);
+  if (!finite) return fail("is not finite");
+  if (!(determinant > 0.0)) return fail("mirrors or flattens");
+  result.scale = std::cbrt(determinant);
+  result.rotation = linear / result.scale;
+  const glm::dmat3 product = glm::transpose(result.rotation) * result.rotation;
+  for (int k = 0; k < 9; ++k) {
+    const double expected = k / 3 == k % 3 ? 1.0 : 0.0;
+    if (std::abs(product[k / 3][k % 3] - expected) > kNodeTolerance) return fail(bent);
+  }
+  if (m[0][3] != 0.0 || m[1][3] != 0.0 || m[2][3] != 0.0 || m[3][3] != 1.0) return fail("is projective");
+  return result;
+}
+
 }  // namespace
 
 std::string nodePointer(int node) { return "/nodes/" + std::to_string(node); }
@@ -72,40 +101,21 @@ std::vector<PlacedNode> placeNodes(const GltfDocument& document, const glm::dmat
 }
 
 std::optional<RigidScale> decompose(const glm::dmat4& m, std::string& wrong) {
-  RigidScale result;
-  result.identity = m == glm::dmat4(1.0);
-  if (result.identity) return result;
-  const auto fail = [&](const std::string& what) {
-    wrong = what + " (expected a uniform scale, a rotation and a translation)";
-    return std::nullopt;
-  };
-  const glm::dmat3 linear(m);
-  result.translation = glm::dvec3(m[3]);
-  const double determinant = glm::determinant(linear);
-  bool finite = std::isfinite(determinant);
-  for (int k = 0; k < 16; ++k) finite = finite && std::isfinite(m[k / 4][k % 4]);
-  if (!finite) return fail("the transform is not finite");
-  if (!(determinant > 0.0)) return fail("the transform mirrors or flattens");
-  result.scale = std::cbrt(determinant);
-  result.rotation = linear / result.scale;
-  const glm::dmat3 product = glm::transpose(result.rotation) * result.rotation;
-  for (int k = 0; k < 9; ++k) {
-    const double expected = k / 3 == k % 3 ? 1.0 : 0.0;
-    if (std::abs(product[k / 3][k % 3] - expected) > kNodeTolerance) return fail("the transform shears or stretches");
-  }
-  if (m[0][3] != 0.0 || m[1][3] != 0.0 || m[2][3] != 0.0 || m[3][3] != 1.0) return fail("the transform is projective");
-  return result;
+  return decomposeAs(m, "shears or stretches", "a uniform scale", wrong);
 }
 
 RigidScale decomposeStretched(const GltfDocument& document, const PlacedNode& placed) {
+  const std::string bent = "shears", scale = "a scale per axis";
   std::string wrong;
-  if (const std::optional<RigidScale> rigid = decompose(placed.world_from_node, wrong)) return *rigid;
+  if (const std::optional<RigidScale> rigid = decomposeAs(placed.world_from_node, bent, scale, wrong)) return *rigid;
   const glm::dmat3 linear(placed.world_from_node);
   const glm::dvec3 lengths(glm::length(linear[0]), glm::length(linear[1]), glm::length(linear[2]));
-  glm::dmat4 rest = placed.world_from_node;
-  for (int axis = 0; axis < 3; ++axis) rest[axis] /= lengths[axis];
-  std::string again;
-  std::optional<RigidScale> result = decompose(rest, again);
+  std::optional<RigidScale> result;
+  if (std::isfinite(lengths.x + lengths.y + lengths.z) && std::min({lengths.x, lengths.y, lengths.z}) > 0.0) {
+    glm::dmat4 rest = placed.world_from_node;
+    for (int axis = 0; axis < 3; ++axis) rest[axis] /= lengths[axis];
+    result = decomposeAs(rest, bent, scale, wrong);
+  }
   if (!result) throw document.bad(nodePointer(placed.node), wrong);
   result->scale = std::cbrt(lengths.x * lengths.y * lengths.z);
   result->stretch = lengths / result->scale;

@@ -30,7 +30,7 @@ struct RigidScale {
 // Nothing when the matrix shears, mirrors or scales axes differently: `wrong` then says so.
 std::optional<RigidScale> decompose(const glm::dmat4& m, std::string& wrong);
 // The same with axes that may be scaled differently. Throws Error(badData) with the node where the matrix shears,
-// mirrors or flattens.
+// mirrors, flattens or has a perspective.
 RigidScale decomposeStretched(const GltfDocument& document, const PlacedNode& placed);
 
 // Shapes a splat's linear transform of its unit axes [scales along the columns]: the scales that are left, longest

@@ -452,6 +452,12 @@ TEST_CASE("every broken promise has its message, with the place, what was expect
       {[](Glb& g) { g.json["nodes"][0]["scale"] = {1, 2, 1}; },
        "/nodes/0: a transform that stretches is not supported"},
       {[](Glb& g) { g.json["nodes"][0]["scale"] = {-1, 1, 1}; }, "/nodes/0: the transform mirrors"},
+      {[](Glb& g) { g.json["nodes"][0]["scale"] = {0, 1, 2}; },
+       "/nodes/0: the transform mirrors or flattens (expected a scale per axis, a rotation and a translation)"},
+      {[](Glb& g) { g.json["nodes"][0]["matrix"] = {1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; },
+       "/nodes/0: the transform shears (expected a scale per axis, a rotation and a translation)"},
+      {[](Glb& g) { g.json["nodes"][0]["matrix"] = {1, 0, 0, 0.1, 0, 2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; },
+       "/nodes/0: the transform is projective (expected a scale per axis, a rotation and a translation)"},
       {[](Glb& g) { g.json["scene"] = 1; }, "/scene: no such scene"},
       {[](Glb& g) { g.json["scenes"][0]["nodes"] = nlohmann::json::array(); }, "the scene holds no splats"},
       // The base.
