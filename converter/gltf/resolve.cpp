@@ -193,11 +193,13 @@ class Resolver {
 
   void views() {
     if (!root_.contains("bufferViews")) return;
+    std::vector<json*> unread;
     for (std::size_t v = 0; v < root_["bufferViews"].size(); ++v) {
       json& view = root_["bufferViews"][v];
       const std::string pointer = "/bufferViews/" + std::to_string(v);
       if (const char* codec = codecOf(view)) {
         unpack(view, codec, pointer, unread_.contains(v));
+        if (unread_.contains(v)) unread.push_back(&view);
         continue;
       }
       const Source& source = sourceOf(view, pointer);
@@ -210,6 +212,9 @@ class Resolver {
       view["buffer"] = source.buffer;
       view["byteOffset"] = source.offset + offset;
     }
+    if (unread.empty()) return;
+    const std::uint64_t zeros_at = append(std::vector<std::uint8_t>(static_cast<std::size_t>(longest_unread_)));
+    for (json* view : unread) (*view)["byteOffset"] = zeros_at;
   }
 
   void unpack(json& view, const char* codec, const std::string& pointer, bool unread) {
@@ -233,19 +238,20 @@ class Resolver {
       return packed.contains(key) && packed.at(key).is_string() ? packed.at(key).get<std::string>()
                                                                 : std::string(otherwise);
     };
-    const std::vector<std::uint8_t> from(bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset),
-                                         bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset + bytes));
-    const std::vector<std::uint8_t> out =
-        unread ? std::vector<std::uint8_t>(static_cast<std::size_t>(count * stride))
-               : unpackMeshopt(from, static_cast<std::size_t>(count), static_cast<std::size_t>(stride),
-                               text("mode", ""), text("filter", "NONE"), path_ + ": " + place);
     const std::uint64_t length = number(view, "byteLength", std::nullopt, pointer);
-    if (length != out.size()) {
-      fail(pointer + "/byteLength", "differs from what is packed (expected " + std::to_string(out.size()) + ", found " +
-                                        std::to_string(length) + ")");
+    if (length != count * stride) {
+      fail(pointer + "/byteLength", "differs from what is packed (expected " + std::to_string(count * stride) +
+                                        ", found " + std::to_string(length) + ")");
     }
     view["buffer"] = 0u;  // unsigned, as parsing it would make it
-    view["byteOffset"] = append(out);
+    if (unread) {
+      longest_unread_ = std::max(longest_unread_, length);
+    } else {
+      const std::vector<std::uint8_t> from(bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset),
+                                           bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset + bytes));
+      view["byteOffset"] = append(unpackMeshopt(from, static_cast<std::size_t>(count), static_cast<std::size_t>(stride),
+                                                text("mode", ""), text("filter", "NONE"), path_ + ": " + place));
+    }
     view["extensions"].erase(codec);
   }
 
@@ -290,7 +296,8 @@ class Resolver {
   std::span<const std::uint8_t> file_bin_;
   std::vector<std::uint8_t> bin_;
   std::vector<Source> sources_;
-  std::set<std::size_t> unread_;  // views
+  std::set<std::size_t> unread_;  // views, which share zeros where they are packed
+  std::uint64_t longest_unread_ = 0;
 };
 
 }  // namespace

@@ -150,6 +150,25 @@ TEST_CASE("packed views that no splat needs are no obstacle to reading, and stre
   CHECK(report.errors[0].pointer == "/bufferViews/" + std::to_string(last) + "/extensions/" + codec);
   CHECK_THAT(report.errors[0].message, Contains("the filter COLOR is not supported"));
 
+  // As many of them as would be more than 4 GiB take no more than the longest.
+  Glb many = sound;
+  const std::size_t start = many.bin.size(), packed_bytes = std::size_t{1} << 20, elements = packed_bytes * 8;
+  many.bin.resize(start + packed_bytes);
+  many.json["buffers"][0]["byteLength"] = many.bin.size();
+  for (int i = 0; i < 66; ++i) {
+    nlohmann::json unread = view;
+    unread["byteLength"] = elements * 8;
+    nlohmann::json& stream_of = unread["extensions"][codec];
+    stream_of["byteOffset"] = start;
+    stream_of["byteLength"] = packed_bytes;
+    stream_of["count"] = elements;
+    nlohmann::json accessor = many.accessor("COLOR_0");
+    accessor["bufferView"] = many.json["bufferViews"].size();
+    many.json["bufferViews"].push_back(unread);
+    many.json["accessors"].push_back(accessor);
+  }
+  CHECK(readModel(scratch.write("many.glb", many.bytes())).model == expected);
+
   Glb later = sound;
   later.bin[later.view("POSITION")["extensions"][codec].value("byteOffset", std::size_t{0})] = '\xAF';
   CHECK_THAT(refusal(scratch.write("later.glb", later.bytes())),
