@@ -12,6 +12,7 @@
 #include "converter/gltf/document_check.h"
 #include "converter/gltf/json_members.h"
 #include "converter/gltf/meshopt.h"
+#include "converter/gltf/spz_extension.h"
 #include "core/file/file.h"
 #include "core/system/error.h"
 
@@ -56,7 +57,10 @@ std::set<std::size_t> viewsBesideSplats(const json& root) {
   for (const json& mesh : list(root, "meshes")) {
     for (const json& primitive : list(mesh, "primitives")) {
       const json& attributes = member(primitive, "attributes");
-      if (!attributes.is_object() || !child(primitive, "extensions").contains(kSplatExtension)) continue;
+      const json& extensions = child(primitive, "extensions");
+      if (!attributes.is_object() || !extensions.contains(kSplatExtension)) continue;
+      add(child(child(extensions.at(std::string(kSplatExtension)), "extensions"), std::string(kSpzExtension).c_str()),
+          read);
       for (const auto& [name, index] : attributes.items()) {
         const bool of_splats = name == "POSITION" || name.starts_with("_TG_") || name.find(':') != name.npos;
         if (!of_splats || !index.is_number_unsigned() || index.get<std::size_t>() >= accessors.size()) continue;

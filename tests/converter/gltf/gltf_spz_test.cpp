@@ -3,6 +3,7 @@
 #include "converter/check.h"
 #include "converter/formats/spz.h"
 #include "converter/glb.h"
+#include "converter/gltf/meshopt.h"
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"
 #include "converter/scratch.h"
@@ -84,6 +85,33 @@ TEST_CASE("an SPZ inside a glTF file may be shorter than its buffer view by zero
     CHECK(refusal(scratch.write("c.glb", glbAround(spz + "x", model.size()).bytes())).find("1 bytes follow the ") !=
           std::string::npos);
   }
+}
+
+TEST_CASE("an SPZ in a packed view is unpacked also where an accessor of another mesh has the view") {
+  TG_SKIP_IF(hasMeshopt() ? std::string() : std::string(missingMeshopt()));
+  const Scratch scratch;
+  std::string spz;
+  int count = 12;
+  do {  // until its bytes are whole elements
+    writeSpz(scratch.folder() / "a.spz", test::makeScene(SceneKind::ordinary, 9, ++count).model);
+    spz = Glb::slurp(scratch.folder() / "a.spz");
+  } while (spz.size() % 4 != 0);
+  const Glb plain = glbAround(spz, static_cast<std::size_t>(count));
+  const GaussianModel expected = readModel(scratch.write("plain.glb", plain.bytes())).model;
+  Glb glb = plain;
+  const std::vector<std::uint8_t> stream = packMeshopt(std::vector<std::uint8_t>(spz.begin(), spz.end()), 4);
+  glb.bin.assign(stream.begin(), stream.end());
+  glb.json["buffers"][0]["byteLength"] = stream.size();
+  glb.json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                                         {"byteLength", stream.size()},
+                                                                         {"byteStride", 4},
+                                                                         {"count", spz.size() / 4},
+                                                                         {"mode", "ATTRIBUTES"}};
+  nlohmann::json other = glb.json["accessors"][0];
+  other["bufferView"] = 0;
+  other["count"] = 1;
+  glb.json["accessors"].push_back(other);
+  CHECK(readModel(scratch.write("packed.glb", glb.bytes())).model == expected);
 }
 
 TEST_CASE("an SPZ inside a glTF file that is broken, cut or of another count is refused") {
