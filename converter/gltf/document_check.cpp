@@ -59,6 +59,10 @@ void checkExtensions(const JsonNode& root) {
 // Those that the library keeps whole.
 bool isSize(std::string_view key) { return key == "byteLength" || key == "byteOffset" || key == "count"; }
 
+// Members that are the file's own or read as decimals, for which no file has to be written anew.
+constexpr std::array<std::string_view, 8> kNoIntegers = {"extras",      "min",      "max",   "matrix",
+                                                         "translation", "rotation", "scale", "weights"};
+
 // Whole numbers that are written as decimals become integers, within the limits of cutInteger(); whether there was one.
 bool makeIntegers(json& value, std::string_view key) {
   bool made = false;
@@ -73,7 +77,7 @@ bool makeIntegers(json& value, std::string_view key) {
     for (json& element : value) made |= makeIntegers(element, {});
   } else if (value.is_object()) {
     for (auto member = value.begin(); member != value.end(); ++member) {
-      if (member.key() != "extras") made |= makeIntegers(*member, member.key());
+      if (std::ranges::count(kNoIntegers, member.key()) == 0) made |= makeIntegers(*member, member.key());
     }
   }
   return made;

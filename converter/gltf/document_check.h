@@ -30,8 +30,8 @@ int componentCount(std::string_view type);
 // How many bytes a base64 data URI holds; 0 for another text.
 std::uint64_t dataUriBytes(std::string_view uri);
 
-// Whole numbers outside of extras come as integers, as glTF 2.0 has it of those that are written 0.0 or 1e2. Throws
-// Error(badData) on syntax, on nesting deeper than 64 and on text that is too long.
+// Whole numbers outside of extras, bounds, transforms and weights come as integers, as glTF 2.0 has it of those that
+// are written 0.0 or 1e2. Throws Error(badData) on syntax, on nesting deeper than 64 and on text that is too long.
 GltfJson parseGltfJson(std::span<const std::uint8_t> text, const std::string& path);
 
 // Throws Error(badData) with a JSON pointer for: a version that is not 2 or a minVersion above 2.0, a required

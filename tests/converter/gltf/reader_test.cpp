@@ -7,6 +7,8 @@
 #include "converter/check.h"
 #include "converter/glb.h"
 #include "converter/gltf/axes.h"
+#include "converter/gltf/document_check.h"
+#include "converter/gltf/gltf_json.h"
 #include "converter/gltf/meshopt.h"
 #include "converter/gltf/numbers.h"
 #include "converter/gltf/write_gltf.h"
@@ -403,6 +405,14 @@ TEST_CASE("integers that are written as decimals are integers") {
     asDecimals(packed.json);
     agrees(scratch.write("packed.glb", packed.bytes()));
   }
+
+  // Numbers that are floats anyway ask for no second copy of the file.
+  const auto rewritten = [](const std::string& json) {
+    return parseGltfJson({reinterpret_cast<const std::uint8_t*>(json.data()), json.size()}, "a").rewritten;
+  };
+  CHECK_FALSE(rewritten(R"({"accessors": [{"min": [0.0], "max": [1.0]}], "meshes": [{"weights": [0.0]}], "nodes":
+                            [{"matrix": [1.0], "translation": [0.0], "rotation": [1.0], "scale": [2.0]}]})"));
+  CHECK(rewritten(R"({"accessors": [{"min": [0.0], "count": 1.0}]})"));
 
   // What is no integer, or none that 32 bits hold, stays what it is.
   glb.json["scene"] = 0.5;
