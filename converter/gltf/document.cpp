@@ -15,6 +15,7 @@
 #include "converter/gltf/gltf_json.h"
 #include "converter/gltf/json_members.h"
 #include "converter/gltf/resolve.h"
+#include "core/file/json.h"
 #include "core/system/assert.h"
 
 namespace tg {
@@ -154,6 +155,24 @@ std::vector<std::string> hollowLayers(const json& root) {
   return found;
 }
 
+std::map<std::string, std::string> wrongNames(const json& root) {
+  std::map<std::string, std::string> found;
+  const json& meshes = list(root, "meshes");
+  for (std::size_t m = 0; m < meshes.size(); ++m) {
+    std::size_t p = 0;
+    for (const json& primitive : list(meshes[m], "primitives")) {
+      const std::string pointer = "/meshes/" + std::to_string(m) + "/primitives/" + std::to_string(p++) +
+                                  "/extensions/" + std::string(kSplatExtension);
+      const json& splatting = member(member(primitive, "extensions"), std::string(kSplatExtension).c_str());
+      for (const char* key : kKhronosNames) {
+        if (!splatting.is_object() || !splatting.contains(key) || splatting[key].is_string()) continue;
+        found.emplace(pointer + "/" + key, JsonNode{splatting[key], "", ""}.shown());
+      }
+    }
+  }
+  return found;
+}
+
 // What a checked document has that changes how its splats look and is not read.
 std::vector<std::string> unreadOf(const json& root) {
   std::vector<std::string> found;
@@ -200,6 +219,7 @@ GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const s
   if (needsResolving(parsed.root)) parsed.stored = parsed.root;
   check(parsed, bytes, made, path, folder, splats_alone);
   document.hollow_layers = hollowLayers(parsed.root);
+  document.wrong_names = wrongNames(parsed.root);
   document.unread = unreadOf(parsed.root);
   const GltfParts parts = partsOf(bytes, path);
   const bool binary = parts.bin_bytes.value_or(0) > 0;  // else the library wants no container
@@ -242,6 +262,7 @@ GltfDocument openDocument(const std::filesystem::path& path, GltfJson& parsed, b
   }
   checkGltfJson(root, parts, document.path);
   document.hollow_layers = hollowLayers(root);
+  document.wrong_names = wrongNames(root);
   document.unread = unreadOf(root);
   parseWithout(document.model, document.path, root, kLeftOut);
   document.bin_offset = parts.bin_offset;

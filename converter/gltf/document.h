@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // A glTF or GLB file whose every index, offset and count has been checked.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -22,6 +24,9 @@ namespace tg {
 inline constexpr std::string_view kSplatExtension = "KHR_gaussian_splatting";
 inline constexpr std::string_view kTextureExtension = "TG_gaussian_splatting_texture";
 
+// Members of the Khronos extension that are strings.
+inline constexpr std::array<const char*, 4> kKhronosNames = {"kernel", "colorSpace", "projection", "sortingMethod"};
+
 inline constexpr std::string_view kWebpExtension = "EXT_texture_webp";
 
 struct GltfJson;
@@ -37,6 +42,8 @@ struct GltfDocument {
   std::vector<std::string> mended;  // with the path: errors that do not end reading
   // JSON pointers of texture layers that the library drops without a word: null, {}, and what is no object.
   std::vector<std::string> hollow_layers;
+  // JSON pointers of kKhronosNames that are no strings, of which it drops some as well, and what they are.
+  std::map<std::string, std::string> wrong_names;
   std::vector<std::string> unread;  // warnings of what changes how splats look and is not read
   // tgconvert check: errors go here and reading goes on where it can. Null: the first one ends it.
   std::vector<std::string>* errors = nullptr;

@@ -140,10 +140,17 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
   const auto text = [&](const char* key) {
     return extension.Has(key) && extension.Get(key).IsString() ? extension.Get(key).Get<std::string>() : std::string();
   };
+  const auto has = [&](const char* key) {
+    return extension.Has(key) || document.wrong_names.contains(pointer + "/" + key);
+  };
+  const auto wrongType = [&](const char* key) {
+    return "wrong type of \"" + std::string(key) + "\"" +
+           expectedFound("a string", document.wrong_names.at(pointer + "/" + key));
+  };
   const auto word = [&](const char* key, const std::string& otherwise) {
-    if (!extension.Has(key)) return otherwise;
-    if (extension.Get(key).IsString()) return extension.Get(key).Get<std::string>();
-    document.mend(pointer, "\"" + std::string(key) + "\" is no string", "taken for " + otherwise);
+    if (!has(key)) return otherwise;
+    if (extension.Has(key) && extension.Get(key).IsString()) return extension.Get(key).Get<std::string>();
+    document.mend(pointer, wrongType(key), "taken for " + otherwise);
     return otherwise;
   };
   const tinygltf::Primitive& primitive = *splats.primitive;
@@ -157,23 +164,24 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
                        "wrong mode for splats (expected 0, POINTS, found " + std::to_string(primitive.mode) + ")");
   });
   const bool packed = findSpzExtension(extension) != nullptr;
-  if (packed && !extension.Has("kernel")) {
+  if (packed && !has("kernel")) {
     document.warn(pointer, "no \"kernel\", taken for ellipse: the SPZ draft's files have none");
   }
   document.attempt([&] {
-    if (text("kernel") == "ellipse" || (packed && !extension.Has("kernel"))) return;
+    if (text("kernel") == "ellipse" || (packed && !has("kernel"))) return;
     const bool layered = extension.Has("extensions") && extension.Get("extensions").Has(std::string(kTextureExtension));
     if (!text("kernel").empty() && !layered) {  // as KHR_gaussian_splatting has it
       document.warn(pointer, "unknown \"kernel\", taken for ellipse: found \"" + text("kernel") + "\"");
       return;
     }
-    if (!extension.Has("kernel")) throw document.bad(pointer, "\"kernel\" is missing");
-    if (!extension.Get("kernel").IsString()) throw document.bad(pointer, "\"kernel\" is no string");
+    if (!has("kernel")) throw document.bad(pointer, "\"kernel\" is missing (expected \"ellipse\")");
+    if (document.wrong_names.contains(pointer + "/kernel")) throw document.bad(pointer, wrongType("kernel"));
     throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
   });
   const std::string encoded = "srgb_rec709_display";
-  if (!extension.Has("colorSpace") && !packed) {
-    document.mend(pointer, "\"colorSpace\" is missing", "taken for " + encoded);
+  if (!has("colorSpace") && !packed) {
+    document.mend(pointer, "\"colorSpace\" is missing (expected \"srgb_rec709_display\" or \"lin_rec709_display\")",
+                  "taken for " + encoded);
   }
   if (const std::string space = word("colorSpace", encoded); space == "lin_rec709_display") {
     document.warn(pointer,
@@ -491,8 +499,8 @@ void append(const SplatInstance& instance, const BaseArrays& base, const Texture
 }
 
 void warnRepairs(GltfDocument& document, const SplatInstance& instance, const Repairs& repairs) {
-  const auto say = [&](std::size_t count, const std::string& what) {
-    if (count != 0) document.warn(instance.splats.pointer, std::to_string(count) + " splats " + what);
+  const auto say = [&](std::size_t count, const std::string& what, const std::string& how) {
+    if (count != 0) document.mend(instance.splats.pointer, std::to_string(count) + " splats " + what, how);
   };
   say(repairs.rotation, "with a quaternion that is not of unit length", "normalised");
   say(repairs.opacity, "with an opacity outside [0, 1]", "clamped");
