@@ -443,8 +443,8 @@ int convertMain(int argc, char** argv) {
   app.option_defaults()->group("Options");
   CLI::App* check = app.add_subcommand("check",
                                        "Says what is wrong with a splat file, and where. Exit code 3 when the file "
-                                       "breaks its format's rules, also where "
-                                       "readers mend or skip what is wrong.");
+                                       "breaks its format's rules, also where readers mend what is wrong or drop "
+                                       "splats. Bytes behind the end of a file that they pass over break none.");
   addCheck(*check, check_arguments);
   MergeArguments merge_arguments;
   CLI::App* merge = app.add_subcommand("merge-blocks", "Joins the blocks of a scene that tgtrain split has cut.");
