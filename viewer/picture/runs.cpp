@@ -86,7 +86,7 @@ bool PictureRuns::update(ViewerState& state, glm::ivec2 area) {
       if (!closed) notify(state, "The recording goes on when " + streamed_->filename().string() + " is shown again");
     }
     if (!options_.benchmark && (!state.record.wanted || !state.scene.model || closed)) {
-      end(state, "Recording cancelled");
+      fail(state, "Recording cancelled");
     } else if (run_->done() == run_->frames()) {
       const std::string result = run_->finish();
       if (options_.benchmark) state.quit = true;
@@ -99,7 +99,7 @@ bool PictureRuns::update(ViewerState& state, glm::ivec2 area) {
     }
   } catch (const Error& error) {
     if (scripted_ || options_.benchmark) throw;
-    end(state, "");
+    fail(state, "");
     state.messages.error = error.what();
   }
   return !run_;
@@ -127,6 +127,11 @@ void PictureRuns::end(ViewerState& state, const std::string& notice) {
   if (!notice.empty() && !scripted_) notify(state, notice);
 }
 
+void PictureRuns::fail(ViewerState& state, const std::string& notice) {
+  end(state, notice);
+  if (state.desktop.question && state.desktop.question->what == Unsaved::recording) keepUnsaved(state);
+}
+
 std::optional<PictureRequest> PictureRuns::due(const PictureRequest& view) {
   TG_ASSERT(run_, "a run is active");
   if (awaited_) return std::nullopt;
@@ -149,7 +154,7 @@ bool PictureRuns::take(ViewerState& state, const Picture& picture, const std::fu
   } catch (const Error& error) {
     if (scripted_) throw;
     state.messages.error = error.what();
-    end(state, "");
+    fail(state, "");
   }
   return true;
 }
@@ -157,7 +162,7 @@ bool PictureRuns::take(ViewerState& state, const Picture& picture, const std::fu
 void PictureRuns::giveUp(ViewerState& state, const std::string& problem) {
   if (!run_) return;
   if (options_.benchmark) throw Error(ErrorKind::device, problem);
-  end(state, "");
+  fail(state, "");
 }
 
 }  // namespace tg

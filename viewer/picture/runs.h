@@ -58,6 +58,7 @@ class PictureRuns {
  private:
   void begin(const ViewerState& state, glm::ivec2 area);
   void end(ViewerState& state, const std::string& notice);
+  void fail(ViewerState& state, const std::string& notice);  // nothing closes that was to wait for it
 
   const ViewOptions options_;
   const std::chrono::steady_clock::time_point started_;

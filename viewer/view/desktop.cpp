@@ -101,6 +101,7 @@ void goOnClosing(ViewerState& state, const Closing& closing) {
 
 void askToQuit(ViewerState& state) {
   state.desktop.discarded.clear();
+  state.desktop.after_recording = false;  // is asked anew
   goOnClosing(state, {});
 }
 

@@ -129,6 +129,10 @@ TEST_CASE("a recording that is under way is asked about before the window closes
   CHECK_FALSE(state.quit);
   CHECK(state.record.wanted);
   CHECK(state.desktop.after_recording);
+  CHECK(asks());  // once more: it may end while the question is open, which then decides
+  CHECK_FALSE(state.desktop.after_recording);
+  saveUnsaved(state);
+  CHECK(state.desktop.after_recording);
   keepUnsaved(state);
   CHECK_FALSE(state.desktop.after_recording);
   // It ends while the question is open.
