@@ -61,8 +61,9 @@ void keyTable(ViewerState& state) {
   ImGui::EndTable();
 }
 
-// Two sides in pixels. What is typed counts once its field is left, as a picture of that size can be.
-void sizeField(const char* id, glm::ivec2& size) {
+// Two sides in pixels. What is typed counts once its field is left, as a picture of that size can be; what cannot be
+// one is refused with a notice.
+void sizeField(ViewerState& state, const char* id, glm::ivec2& size) {
   ImGuiStorage& kept = *ImGui::GetStateStorage();
   const ImGuiID frame = ImGui::GetID(id), first = frame + 1, second = frame + 2;
   glm::ivec2 typed = size;
@@ -70,7 +71,11 @@ void sizeField(const char* id, glm::ivec2& size) {
   ImGui::InputInt2(id, &typed.x);
   if (ImGui::IsItemDeactivatedAfterEdit()) {
     const glm::ivec2 held = glm::clamp(typed, glm::ivec2(1), glm::ivec2(kMaxImageSide));
-    if (isImageSize(held.x, held.y)) size = held;
+    if (isImageSize(held.x, held.y)) {
+      size = held;
+    } else {
+      notify(state, "Too large: expected " + imageSizeLimits());
+    }
   }
   if (!ImGui::IsItemActive()) return;
   kept.SetInt(frame, ImGui::GetFrameCount());
@@ -151,7 +156,7 @@ void recordSection(ViewerState& state) {
   const float spacing = ImGui::GetStyle().ItemInnerSpacing.x;
   const float half = (ImGui::GetContentRegionAvail().x - spacing) / 2;
   ImGui::SetNextItemWidth(half);
-  sizeField("##size", record.size);
+  sizeField(state, "##size", record.size);
   hint("Width and height [px]");
   ImGui::SameLine(0, spacing);
   ImGui::SetNextItemWidth(half);

@@ -26,6 +26,7 @@
 #include "viewer/view/actions.h"
 #include "viewer/view/bookmarks.h"
 #include "viewer/view/edits.h"
+#include "viewer/view/parse.h"
 #include "viewer/view/path_editor.h"
 
 using namespace tg;
@@ -1221,6 +1222,10 @@ TEST_CASE("the size of a recording is taken when its field is left, cut to what 
   CHECK(typed("1920") == glm::ivec2(1920, 720));
   CHECK(typed("99999") == glm::ivec2(kMaxImageSide, 720));
   CHECK(typed("0") == glm::ivec2(1, 720));
+  CHECK(state.messages.notice.empty());
+  state.record.size.y = kMaxImageSide;
+  CHECK(typed("16000") == glm::ivec2(1, kMaxImageSide));
+  CHECK_THAT(state.messages.notice, Contains(imageSizeLimits()));
 }
 
 TEST_CASE("the panel says that a run has ended which it was told to stop") {
