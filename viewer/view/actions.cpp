@@ -156,10 +156,10 @@ void escape(ViewerState& state) {
     state.path.playing = state.camera.turntable = false;
   } else if (state.desktop.fullscreen) {
     state.desktop.fullscreen = false;
-  } else if (state.time < state.ui.escape_until) {
+  } else if (state.ui.key_time < state.ui.escape_until) {
     askToQuit(state);
   } else {
-    state.ui.escape_until = state.time + kEscapeSeconds;
+    state.ui.escape_until = state.ui.key_time + kEscapeSeconds;
     notify(state, "Esc once more ends tgview, and so does Ctrl+Q");
   }
 }
@@ -343,7 +343,8 @@ void runAction(ViewerState& state, const KeyBinding& binding) {
   binding.run ? binding.run(state) : stepSetting(state, binding);
 }
 
-bool pressKey(ViewerState& state, int key, bool shift) {
+bool pressKey(ViewerState& state, int key, bool shift, std::optional<double> time) {
+  state.ui.key_time = time.value_or(state.time);
   if (state.ui.help && state.ui.help_scrolls && !shift && (key == kKeyPageDown || key == kKeyPageUp)) {
     state.ui.help_pages += key == kKeyPageDown ? 1 : -1;
     return true;

@@ -2,6 +2,7 @@
 // What keys and buttons do: one table that the keyboard and the help read. Keys are GLFW's numbers: ASCII for printable
 // ones.
 #pragma once
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -40,8 +41,8 @@ std::span<const KeyBinding> keyBindings();
 void runAction(ViewerState& state, const KeyBinding& binding);
 // False: it would only say that there is nothing to do it with.
 bool canRun(const ViewerState& state, const KeyBinding& binding);
-// False: the key does nothing.
-bool pressKey(ViewerState& state, int key, bool shift);
+// `time`: [s] of the window, when it went down; none: now. False: the key does nothing.
+bool pressKey(ViewerState& state, int key, bool shift, std::optional<double> time = std::nullopt);
 // What the menu calls a setting; "" where no key steps through it.
 std::string_view menuWords(std::string_view setting);
 std::string keyOf(std::string_view setting);  // " (O)", to follow a text; "" where no key steps through the setting

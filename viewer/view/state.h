@@ -118,6 +118,7 @@ struct UiState {
   int help_pages = 0;         // that it is still to be scrolled down by
   bool menu = false;          // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
   bool continuous = false;    // draw without pause, to watch frame times
+  double key_time = 0;        // [s] window time: when the key went down that acts
   double escape_until = 0;    // [s] window time: Esc, pressed again, quits
   bool drag_spent = false;    // the left button is down for a drag that was taken back: it does nothing until let go
 };

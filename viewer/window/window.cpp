@@ -445,7 +445,7 @@ void Viewer::press(const InputEvent& key) {
   if (ImGui::GetIO().WantTextInput) return;
   if (isModal(state_) || state_.desktop.wanted || (key.code == kKeyEscape && popupIsOpen())) return;  // theirs
   if (key.code == kKeyEscape) ++escapes_taken_;
-  pressKey(state_, key.code, key.shift);
+  pressKey(state_, key.code, key.shift, key.time);
 }
 
 bool Viewer::escapeForPanels() {

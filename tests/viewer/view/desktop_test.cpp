@@ -220,6 +220,26 @@ TEST_CASE("Esc leaves the full screen before it leaves the program") {
   CHECK(state.quit);
 }
 
+TEST_CASE("Esc twice counts by when it was pressed, not by when the frames of it were") {
+  ViewerState state = stateWithModel();
+  const auto quits = [&](double first, double frame, double second) {
+    state.quit = false;
+    state.time = frame;
+    CHECK(pressKey(state, kKeyEscape, false, first));
+    CHECK_FALSE(state.quit);
+    state.time = frame + 0.1;
+    CHECK(pressKey(state, kKeyEscape, false, second));
+    return state.quit;
+  };
+  CHECK_FALSE(quits(100, 110, 108));
+  CHECK(quits(201, 210, 201.5));
+  state.time = 300;
+  CHECK(pressKey(state, kKeyEscape, false, 300.0));
+  state.time = 310;  // a slow frame between
+  CHECK(pressKey(state, kKeyEscape, false, 301.0));
+  CHECK(state.quit);
+}
+
 TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the program") {
   ViewerState state = stateWithModel();
   const bool turns = GENERATE(false, true);
