@@ -53,6 +53,15 @@ void onCharacter(GLFWwindow* window, unsigned code) {
   add(window, InputEvent::Kind::character, static_cast<int>(code));
 }
 
+// What is turned in a row is one. Dear ImGui hears of it by its own callback, too, which the frame overrules.
+void onScroll(GLFWwindow* window, double x, double y) {
+  Events& events = eventsOf(window);
+  const bool goes_on = !events.waiting.empty() && events.waiting.back().kind == InputEvent::Kind::wheel;
+  InputEvent& event = goes_on ? events.waiting.back() : add(window, InputEvent::Kind::wheel, 0);
+  event.pointer = events.pointer;
+  event.wheel += glm::dvec2(x, y);
+}
+
 void onMove(GLFWwindow* window, double x, double y) { eventsOf(window).pointer = {x, y}; }
 
 void onEnter(GLFWwindow* window, int entered) {
@@ -60,9 +69,9 @@ void onEnter(GLFWwindow* window, int entered) {
 }
 
 void onButton(GLFWwindow* window, int button, int action, int mods) {
-  if ((mods & GLFW_MOD_ALT) == 0) eventsOf(window).alt_up = true;
   const auto kind = action == GLFW_PRESS ? InputEvent::Kind::press : InputEvent::Kind::release;
   InputEvent& event = add(window, kind, button);
+  event.mods = mods;
   if (event.pointer) return;
   event.pointer.emplace();
   glfwGetCursorPos(window, &event.pointer->x, &event.pointer->y);
@@ -85,17 +94,24 @@ Glfw::Glfw() {
 }
 
 void takeInput(Events& events) {
-  const auto isLetter = [](const InputEvent& event) {
+  // A key of a character comes right before it; those of the keypad may have none.
+  const auto isLetter = [&waiting = events.waiting] {
+    const InputEvent& event = waiting.front();
     if (event.kind == InputEvent::Kind::character) return true;
-    return event.kind == InputEvent::Kind::key && event.code < GLFW_KEY_ESCAPE;
+    if (event.kind != InputEvent::Kind::key || event.code >= kControl) return false;
+    return event.code < GLFW_KEY_ESCAPE || (waiting.size() > 1 && waiting[1].kind == InputEvent::Kind::character);
   };
   const bool same_key =
       !events.taken.empty() && !events.waiting.empty() && events.taken.back().kind == InputEvent::Kind::key &&
       events.waiting.front().kind == InputEvent::Kind::key && events.taken.back().code == events.waiting.front().code;
   events.taken.clear();
   if (same_key) return;  // it is up between
+  if (!events.waiting.empty() && events.waiting.front().kind == InputEvent::Kind::release &&
+      events.waiting.front().pointer != events.told) {
+    return;
+  }
   while (!events.waiting.empty()) {
-    const bool letter = isLetter(events.waiting.front());
+    const bool letter = isLetter();
     if (!letter && !events.taken.empty()) return;
     events.taken.push_back(std::move(events.waiting.front()));
     events.waiting.pop_front();
@@ -128,6 +144,7 @@ WindowPtr openWindow(Api api, glm::ivec2 size, Events& events, bool debug) {
   glfwSetCursorPosCallback(window.get(), onMove);
   glfwSetCursorEnterCallback(window.get(), onEnter);
   glfwSetMouseButtonCallback(window.get(), onButton);
+  glfwSetScrollCallback(window.get(), onScroll);
   glfwSetDropCallback(window.get(), onDrop);
   return window;
 }

@@ -24,13 +24,15 @@ class Glfw {
   Glfw& operator=(Glfw&&) = delete;
 };
 
-// A key or a button going down, a button going up, or a character.
+// A key or a button going down, a button going up, a character, or the wheel.
 struct InputEvent {
-  enum class Kind { key, character, press, release };
+  enum class Kind { key, character, press, release, wheel };
   Kind kind = Kind::key;
-  int code = 0;        // key, with kControl where it is held; of Unicode; button
-  bool shift = false;  // of a key
-  double time = -1;    // [s] of GLFW's clock
+  int code = 0;           // key, with kControl where it is held; of Unicode; button
+  bool shift = false;     // of a key
+  int mods = 0;           // of a button: GLFW_MOD_SHIFT, CONTROL, ALT as they were held then
+  glm::dvec2 wheel{0.0};  // notches, across and up
+  double time = -1;       // [s] of GLFW's clock
   // Of the window, in its units; none: no event since it left.
   std::optional<glm::dvec2> pointer;
   std::uint64_t place = 0;  // in Dear ImGui's own queue, counted since the window opened
@@ -41,17 +43,17 @@ struct Events {
   std::deque<InputEvent> waiting;  // in the order in which they came
   std::vector<InputEvent> taken;   // by this frame
   int chord = 0;                   // what was pressed last with Ctrl, by its place on the keyboard; 0: nothing
-  bool alt_up = false;             // when a button went down: the window manager may keep the key going up
   std::vector<std::filesystem::path> dropped;
   // Where the last event had it, kept from frame to frame. GLFW itself tells where the pointer is by now.
   std::optional<glm::dvec2> pointer;
+  std::optional<glm::dvec2> told;  // to the last frame
   // How much Dear ImGui's own queue holds, and what it has handled of it since the window opened. Null: it has none.
   int (*queued)() = nullptr;
   std::uint64_t handled = 0;
 };
 // Takes what the next frame may have at once, in place of what the one before had: letters and their keys, or one of
 // anything else, so that what a key or a button does to the focus is known to whatever comes after it. Nothing between
-// two presses of one key.
+// two presses of one key, nor before a button goes up elsewhere than `told`: the frame drags to there.
 void takeInput(Events& events);
 
 struct WindowCloser {

@@ -118,6 +118,7 @@ void Gui::newFrame(Events& events, bool waits) {
   const auto& pointer = !taken.empty()     ? taken.back().pointer
                         : !waiting.empty() ? waiting.front().pointer
                                            : events.pointer;
+  events.told = pointer;
   if (pointer && ImGui::IsMousePosValid()) {
     const glm::vec2 at(*pointer);
     io.MousePos = {at.x, at.y};
@@ -147,11 +148,25 @@ void Gui::newFrame(Events& events, bool waits) {
     told_keys_.push_back(key);
   };
   io.KeyCtrl = io.KeysDown[GLFW_KEY_LEFT_CONTROL] || io.KeysDown[GLFW_KEY_RIGHT_CONTROL];
-  if (events.alt_up) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = io.KeyAlt = false;
   io.KeyShift = io.KeysDown[GLFW_KEY_LEFT_SHIFT] || io.KeysDown[GLFW_KEY_RIGHT_SHIFT];
+  io.KeyAlt = io.KeysDown[GLFW_KEY_LEFT_ALT] || io.KeysDown[GLFW_KEY_RIGHT_ALT];
+  // The last part of a drag, too, has what is held as the button goes up.
+  const InputEvent* event_now = !taken.empty() ? &taken.back() : waiting.empty() ? nullptr : &waiting.front();
+  const bool goes_up = event_now && event_now->kind == Kind::release;
+  if (goes_up || (!taken.empty() && taken.back().kind == Kind::press)) {
+    const int mods = event_now->mods;
+    io.KeyCtrl = (mods & GLFW_MOD_CONTROL) != 0;
+    io.KeyShift = (mods & GLFW_MOD_SHIFT) != 0;
+    io.KeyAlt = (mods & GLFW_MOD_ALT) != 0;
+    // The window manager may keep the key going up.
+    if (!io.KeyAlt) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = false;
+  }
   for (const InputEvent& event : waiting) tell(event, false);
   io.InputQueueCharacters.resize(0);
+  io.MouseWheel = io.MouseWheelH = 0;
   for (const InputEvent& event : taken) {
+    io.MouseWheelH += static_cast<float>(event.wheel.x);
+    io.MouseWheel += static_cast<float>(event.wheel.y);
     tell(event, true);
     if (event.kind == Kind::character) io.AddInputCharacter(static_cast<unsigned>(event.code));
     if (event.kind == Kind::character) io.KeyCtrl = false;

@@ -427,7 +427,6 @@ bool Viewer::awaitsField() {
 
 void Viewer::handleEvents() {
   if (const int chord = std::exchange(events_.chord, 0)) chord_key_ = chord;
-  events_.alt_up = false;
   double_clicked_ = false;
   for (const InputEvent& event : events_.taken) {
     if (event.kind == InputEvent::Kind::key) press(event);

@@ -179,6 +179,47 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]"
   CHECK(changed > 100);
 }
 
+TEST_CASE("the wheel within one frame with a click acts where it was turned", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::playByHand(shop,
+                   "panel on\nsave-camera far.json\nhold-frame go\n" + seen("wheeled") + "save-camera near.json\n",
+                   "reached go.held\nto 100 400\npress 2\nrelease 2\nto 500 240\nwheel 4\nwheel 4\ntouch go\n"
+                   "seen wheeled\n",
+                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  const Camera far = readCameras(shop / "far.json").front(), near = readCameras(shop / "near.json").front();
+  CHECK(far.translation != near.translation);
+}
+
+TEST_CASE("a drag within one frame goes as far as the button was down", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::playByHand(shop, "save-camera before.json\nhold-frame go\n" + seen("dragged") + "save-camera after.json\n",
+                   "reached go.held\nto 300 240\npress 1\nto 500 260\nrelease 1\nto 100 100\ntouch go\n"
+                   "seen dragged\n",
+                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  const Camera before = readCameras(shop / "before.json").front(), after = readCameras(shop / "after.json").front();
+  CHECK(before.translation != after.translation);
+}
+
+TEST_CASE("Shift counts for a click as it was held when the button went down", "[window]") {
+  TG_SKIP_IF(noHand());
+  const auto left = [](const std::string& pressed, const std::string& released) {
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    test::playByHand(
+        shop, "tool rectangle\nselect x>0\nhold-frame go\n" + seen("dragged") + "key Delete\nsave-model left.tgz\n",
+        "reached go.held\nto 200 120\n" + pressed + "press 1\nto 330 400\nrelease 1\n" + released +
+            "touch go\nseen dragged\n",
+        {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+    return readBundle(shop / "left.tgz").model.size();
+  };
+  // What is added to the selection is deleted with it.
+  CHECK(left("xdotool keydown shift\n", "xdotool keyup shift\n") < left("", ""));
+}
+
 TEST_CASE("the formats of a save dialog hang from it when they are clicked", "[window]") {
   TG_SKIP_IF(noHand());
   constexpr int kLeft = 60, kRight = 580, kBeside = 230;  // [px] of the dialog's list, and of the formats below it
