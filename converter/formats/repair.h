@@ -72,11 +72,8 @@ inline void warnRepair(std::vector<std::string>& warnings, std::size_t count, co
   if (count != 0) warnings.push_back(std::to_string(count) + " splats " + what);
 }
 
-// Whether a warning is such a line, perhaps after "NAME: " of the file that it is about, one of a scene's.
+// Whether a warning is such a line.
 inline bool isRepair(std::string_view warning) {
-  constexpr std::string_view kColon = ": ";
-  const std::size_t name = warning.find(kColon);
-  if (name != warning.npos && warning.substr(0, name).ends_with(".json")) warning.remove_prefix(name + kColon.size());
   const std::size_t digits = warning.find_first_not_of("0123456789");
   return digits != 0 && digits != warning.npos && warning.substr(digits).starts_with(" splats with");
 }

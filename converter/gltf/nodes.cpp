@@ -117,7 +117,7 @@ RigidScale decomposeStretched(const GltfDocument& document, const PlacedNode& pl
     result = decomposeAs(rest, bent, scale, wrong);
   }
   if (!result) throw document.bad(nodePointer(placed.node), wrong);
-  result->scale = std::cbrt(lengths.x * lengths.y * lengths.z);
+  result->scale = std::cbrt(lengths.x) * std::cbrt(lengths.y) * std::cbrt(lengths.z);  // no product beyond doubles
   result->stretch = lengths / result->scale;
   result->identity = false;
   return *result;

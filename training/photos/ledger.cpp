@@ -52,7 +52,7 @@ Ledger::Ledger(fs::path folder) : folder_(std::move(folder)) {
     removeMade();
     throw Error(ErrorKind::cannotWrite, folder_.string(), "cannot make this folder: " + error.message());
   }
-  lock_.emplace(folder_);  // where it throws the folder is another's
+  lock_.emplace(folder_);  // where it throws the folder may be another's
   try {
     read();
   } catch (...) {

@@ -22,8 +22,8 @@ class Ledger {
   static constexpr const char* kFile = "photos.json";
 
   // Makes and locks the folder, which goes again where no stage is done in it and where this throws, with those around
-  // it that were made for it and hold nothing else; one that another holds stays. A list that cannot be understood
-  // counts as none. Throws Error(cannotWrite), also for a folder with other people's files.
+  // it that were made for it and hold nothing else; one that another holds, or that cannot be opened, stays. A list
+  // that cannot be understood counts as none. Throws Error(cannotWrite), also for a folder with other people's files.
   explicit Ledger(std::filesystem::path folder);
   ~Ledger();
   Ledger& operator=(Ledger&&) = delete;

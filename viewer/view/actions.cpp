@@ -156,10 +156,12 @@ void escape(ViewerState& state) {
     state.path.playing = state.camera.turntable = false;
   } else if (state.desktop.fullscreen) {
     state.desktop.fullscreen = false;
-  } else if (state.ui.key_time < state.ui.escape_until) {
+  } else if (state.ui.key_time < state.ui.escape_until ||
+             (state.ui.key_time >= state.ui.escape_told && state.ui.key_time < state.ui.escape_told + kEscapeSeconds)) {
     askToQuit(state);
   } else {
     state.ui.escape_until = state.ui.key_time + kEscapeSeconds;
+    state.ui.escape_told = state.time;
     notify(state, "Esc once more ends tgview, and so does Ctrl+Q");
   }
 }

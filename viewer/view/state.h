@@ -120,6 +120,7 @@ struct UiState {
   bool continuous = false;    // draw without pause, to watch frame times
   double key_time = 0;        // [s] window time: when the key went down that acts
   double escape_until = 0;    // [s] window time: Esc, pressed again, quits
+  double escape_told = -1e9;  // [s] window time: since this was said, long after a slow frame's key
   bool drag_spent = false;    // the left button is down for a drag that was taken back: it does nothing until let go
 };
 

@@ -53,12 +53,29 @@ void onCharacter(GLFWwindow* window, unsigned code) {
   add(window, InputEvent::Kind::character, static_cast<int>(code));
 }
 
+// Of Shift, Ctrl and Alt, which GLFW does not tell with the wheel.
+int modsHeld(GLFWwindow* window) {
+  const auto held = [window](int left, int right, int mod) {
+    return glfwGetKey(window, left) == GLFW_PRESS || glfwGetKey(window, right) == GLFW_PRESS ? mod : 0;
+  };
+  return held(GLFW_KEY_LEFT_SHIFT, GLFW_KEY_RIGHT_SHIFT, GLFW_MOD_SHIFT) |
+         held(GLFW_KEY_LEFT_CONTROL, GLFW_KEY_RIGHT_CONTROL, GLFW_MOD_CONTROL) |
+         held(GLFW_KEY_LEFT_ALT, GLFW_KEY_RIGHT_ALT, GLFW_MOD_ALT);
+}
+
 // What is turned in a row is one. Dear ImGui hears of it by its own callback, too, which the frame overrules.
 void onScroll(GLFWwindow* window, double x, double y) {
+  constexpr double kSamePlace = 8;  // units of the window: a hand that turns moves the pointer a little
   Events& events = eventsOf(window);
-  const bool goes_on = !events.waiting.empty() && events.waiting.back().kind == InputEvent::Kind::wheel;
+  const int mods = modsHeld(window);
+  const auto goesOn = [&](const InputEvent& last) {
+    if (last.kind != InputEvent::Kind::wheel || last.mods != mods) return false;
+    if (!last.pointer || !events.pointer) return !last.pointer && !events.pointer;
+    return glm::distance(*last.pointer, *events.pointer) < kSamePlace;
+  };
+  const bool goes_on = !events.waiting.empty() && goesOn(events.waiting.back());
   InputEvent& event = goes_on ? events.waiting.back() : add(window, InputEvent::Kind::wheel, 0);
-  event.pointer = events.pointer;
+  event.mods = mods;
   event.wheel += glm::dvec2(x, y);
 }
 

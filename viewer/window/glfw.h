@@ -30,7 +30,7 @@ struct InputEvent {
   Kind kind = Kind::key;
   int code = 0;           // key, with kControl where it is held; of Unicode; button
   bool shift = false;     // of a key
-  int mods = 0;           // of a button: GLFW_MOD_SHIFT, CONTROL, ALT as they were held then
+  int mods = 0;           // of a button and the wheel: GLFW_MOD_SHIFT, CONTROL, ALT as they were held then
   glm::dvec2 wheel{0.0};  // notches, across and up
   double time = -1;       // [s] of GLFW's clock
   // Of the window, in its units; none: no event since it left.

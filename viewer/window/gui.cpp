@@ -153,13 +153,14 @@ void Gui::newFrame(Events& events, bool waits) {
   // The last part of a drag, too, has what is held as the button goes up.
   const InputEvent* event_now = !taken.empty() ? &taken.back() : waiting.empty() ? nullptr : &waiting.front();
   const bool goes_up = event_now && event_now->kind == Kind::release;
-  if (goes_up || (!taken.empty() && taken.back().kind == Kind::press)) {
+  const bool turns = !taken.empty() && taken.back().kind == Kind::wheel;
+  if (goes_up || turns || (!taken.empty() && taken.back().kind == Kind::press)) {
     const int mods = event_now->mods;
     io.KeyCtrl = (mods & GLFW_MOD_CONTROL) != 0;
     io.KeyShift = (mods & GLFW_MOD_SHIFT) != 0;
     io.KeyAlt = (mods & GLFW_MOD_ALT) != 0;
     // The window manager may keep the key going up.
-    if (!io.KeyAlt) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = false;
+    if (!turns && !io.KeyAlt) io.KeysDown[GLFW_KEY_LEFT_ALT] = io.KeysDown[GLFW_KEY_RIGHT_ALT] = false;
   }
   for (const InputEvent& event : waiting) tell(event, false);
   io.InputQueueCharacters.resize(0);

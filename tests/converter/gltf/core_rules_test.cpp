@@ -304,7 +304,6 @@ TEST_CASE("what breaks a rule and is put right is a warning of reading and an er
   CHECK(told.errors.empty());
   CHECK(told.warnings.size() == 2);
   CHECK(isRepair("3 splats with a broken rotation: not turned"));
-  CHECK(isRepair("0_0/meta.json: 3 splats with a broken rotation: not turned"));
   CHECK_FALSE(isRepair("trained as \"x: 3 splats with y\", which the model has no word for"));
   CHECK_FALSE(isRepair("trained as 3 splats with y"));
 

@@ -232,6 +232,7 @@ TEST_CASE("Esc twice counts by when it was pressed, not by when the frames of it
     return state.quit;
   };
   CHECK_FALSE(quits(100, 110, 108));
+  CHECK(quits(150, 160, 161));  // as the notice asks, which came late
   CHECK(quits(201, 210, 201.5));
   state.time = 300;
   CHECK(pressKey(state, kKeyEscape, false, 300.0));

@@ -192,6 +192,18 @@ TEST_CASE("the wheel within one frame with a click acts where it was turned", "[
   CHECK(far.translation != near.translation);
 }
 
+TEST_CASE("the wheel within one frame acts at each place where it was turned", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  test::playByHand(shop,
+                   "panel on\nsave-camera far.json\nhold-frame go\n" + seen("wheeled") + "save-camera near.json\n",
+                   "reached go.held\nto 500 240\nwheel 4\nwheel 4\nto 100 400\nwheel 4\ntouch go\nseen wheeled\n",
+                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+  const Camera far = readCameras(shop / "far.json").front(), near = readCameras(shop / "near.json").front();
+  CHECK(far.translation != near.translation);
+}
+
 TEST_CASE("a drag within one frame goes as far as the button was down", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
