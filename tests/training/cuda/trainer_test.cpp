@@ -188,14 +188,24 @@ TEST_CASE("densification, resets, the 3D filter and SH degrees reach a CUDA run,
   }
 }
 
-TEST_CASE("a CUDA run copies its state for wide Gaussians only where there are some and room for pieces") {
-  const Dataset dataset = smallDataset();
+namespace {
+
+// Of ADC, without textures, after the 5th and the 10th iteration.
+TrainSettings runOfTwoRounds() {
   TrainSettings settings = run(12, 0);
   settings.texture_mode = TextureMode::none;
   settings.densification = Densification::adc;
   settings.densify_every = 5;
   settings.densify_from = 4;
   settings.densify_until = 11;
+  return settings;
+}
+
+}  // namespace
+
+TEST_CASE("a CUDA run copies its state for wide Gaussians only where there are some and room for pieces") {
+  const Dataset dataset = smallDataset();
+  TrainSettings settings = runOfTwoRounds();
   const auto cuda = makeCudaDifferentiableRenderer();
   // By steps with two rounds. [bytes]
   const auto read = [&](float wide_sigma, std::size_t gaussians) {
@@ -217,12 +227,7 @@ TEST_CASE("a CUDA run copies its state for wide Gaussians only where there are s
 
 TEST_CASE("a CUDA run whose state a swap brought to the host looks for wide Gaussians there") {
   const Dataset dataset = smallDataset();
-  TrainSettings settings = run(12, 0);
-  settings.texture_mode = TextureMode::none;
-  settings.densification = Densification::adc;
-  settings.densify_every = 5;
-  settings.densify_from = 4;
-  settings.densify_until = 11;
+  TrainSettings settings = runOfTwoRounds();
   settings.gaussians = 60;
   settings.limit_by = LimitBy::swap;
   const auto cuda = makeCudaDifferentiableRenderer();

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <set>
+#include <utility>
 
 #include "converter/edit/select.h"
 #include "core/bundle/bundle.h"
@@ -179,41 +180,37 @@ TEST_CASE("the keyboard, the wheel and a click act as the help says", "[window]"
   CHECK(changed > 100);
 }
 
-TEST_CASE("the wheel within one frame with a click acts where it was turned", "[window]") {
+TEST_CASE("the wheel within one frame acts where it was turned", "[window]") {
   TG_SKIP_IF(noHand());
+  // With a click in the panel before, or turned there afterwards.
+  const std::string turned = GENERATE("to 100 400\npress 2\nrelease 2\nto 500 240\nwheel 4\nwheel 4\n",
+                                      "to 500 240\nwheel 4\nwheel 4\nto 100 400\nwheel 4\n");
+  CAPTURE(turned);
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
   test::playByHand(shop,
                    "panel on\nsave-camera far.json\nhold-frame go\n" + seen("wheeled") + "save-camera near.json\n",
-                   "reached go.held\nto 100 400\npress 2\nrelease 2\nto 500 240\nwheel 4\nwheel 4\ntouch go\n"
-                   "seen wheeled\n",
-                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
-  const Camera far = readCameras(shop / "far.json").front(), near = readCameras(shop / "near.json").front();
-  CHECK(far.translation != near.translation);
-}
-
-TEST_CASE("the wheel within one frame acts at each place where it was turned", "[window]") {
-  TG_SKIP_IF(noHand());
-  const Workshop shop;
-  test::writeSample(shop / "model.tgz");
-  test::playByHand(shop,
-                   "panel on\nsave-camera far.json\nhold-frame go\n" + seen("wheeled") + "save-camera near.json\n",
-                   "reached go.held\nto 500 240\nwheel 4\nwheel 4\nto 100 400\nwheel 4\ntouch go\nseen wheeled\n",
-                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+                   "reached go.held\n" + turned + "touch go\nseen wheeled\n", {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
   const Camera far = readCameras(shop / "far.json").front(), near = readCameras(shop / "near.json").front();
   CHECK(far.translation != near.translation);
 }
 
 TEST_CASE("a drag within one frame goes as far as the button was down", "[window]") {
   TG_SKIP_IF(noHand());
-  const Workshop shop;
-  test::writeSample(shop / "model.tgz");
-  test::playByHand(shop, "save-camera before.json\nhold-frame go\n" + seen("dragged") + "save-camera after.json\n",
-                   "reached go.held\nto 300 240\npress 1\nto 500 260\nrelease 1\nto 100 100\ntouch go\n"
-                   "seen dragged\n",
-                   {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
-  const Camera before = readCameras(shop / "before.json").front(), after = readCameras(shop / "after.json").front();
-  CHECK(before.translation != after.translation);
+  // From where, and to where.
+  const auto dragged = [](const std::string& then) {
+    const Workshop shop;
+    test::writeSample(shop / "model.tgz");
+    test::playByHand(
+        shop, "save-camera before.json\nhold-frame go\n" + seen("dragged") + "save-camera after.json\n",
+        "reached go.held\nto 300 240\npress 1\nto 500 260\nrelease 1\n" + then + "touch go\nseen dragged\n",
+        {"model.tgz"}, TG_TGVIEW_UNDER_TEST);
+    return std::pair(readCameras(shop / "before.json").front().translation,
+                     readCameras(shop / "after.json").front().translation);
+  };
+  const auto [before, after] = dragged("");
+  CHECK(before != after);
+  CHECK(dragged("to 100 100\n") == std::pair(before, after));
 }
 
 TEST_CASE("Shift counts for a click as it was held when the button went down", "[window]") {
