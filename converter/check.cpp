@@ -2,13 +2,11 @@
 // Says what is wrong with a file, and where.
 #include "converter/check.h"
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
-#include "converter/formats/repair.h"
 #include "converter/registry/file_format.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
@@ -63,14 +61,6 @@ struct Lines {
   void addWarnings(const std::vector<std::string>& added) {
     warnings.insert(warnings.end(), added.begin(), added.end());
   }
-  // What readers put right breaks the format's rules. Those of glTF, pages and tilesets say so by ReadOptions::errors;
-  // their warnings have words of the file.
-  void countRepairs() {
-    const auto repairs =
-        std::ranges::stable_partition(warnings, [](const std::string& line) { return !isRepair(line); });
-    errors.insert(errors.end(), repairs.begin(), repairs.end());
-    warnings.erase(repairs.begin(), repairs.end());
-  }
 };
 
 void tryRead(const Format& format, const std::filesystem::path& path, bool base_only, CheckReport& report,
@@ -79,6 +69,7 @@ void tryRead(const Format& format, const std::filesystem::path& path, bool base_
   try {
     Bundle loaded = format.read(path, {.base_only = base_only, .errors = &errors});
     report.gaussians = loaded.model.size();
+    lines.addErrors(loaded.repairs);
     lines.addWarnings(loaded.warnings);
   } catch (const Error& error) {
     if (error.kind != ErrorKind::badData) throw;
@@ -114,9 +105,14 @@ CheckReport checkFile(const std::filesystem::path& path) {
   const Format* format = nullptr;
   attempt([&] { format = &detectFormat(path); });
   if (format) report.format = format->name;
-  std::vector<std::string> broken;  // files, each of which counts
+  std::vector<std::string> broken, repairs;  // broken: files, each of which counts
   if (format && format->overlooked) {
-    attempt([&] { format->overlooked(path, broken, lines.warnings); });
+    attempt([&] {
+      Overlooked found = format->overlooked(path);
+      broken = std::move(found.broken);
+      repairs = std::move(found.repairs);
+      lines.addWarnings(found.warnings);
+    });
   }
   const bool sound = broken.empty() && lines.errors.empty();  // else reading would say the first of them
   if (format && format->check) {
@@ -125,7 +121,7 @@ CheckReport checkFile(const std::filesystem::path& path) {
     tryRead(*format, path, true, report, lines);
     if (format->has_base) tryRead(*format, path, false, report, lines);
   }
-  if (format && format->axes.words != kGltfAxes.words) lines.countRepairs();
+  lines.addErrors(repairs);
   report.errors = findingsOf(lines.errors, report.file);
   for (const std::string& line : broken) report.errors.push_back(findingOf(line, report.file));
   report.warnings = findingsOf(lines.warnings, report.file);

@@ -73,7 +73,7 @@ class KsplatParser {
     resizeGaussians(loaded_.model, splats_, static_cast<int>(sh_degree));
     for (const KsplatSection& section : sections_) addSplats(section);
     resizeGaussians(loaded_.model, done_, static_cast<int>(sh_degree));
-    repair_.warn(loaded_.warnings);
+    repair_.report(loaded_.repairs);
     if (done_ == 0) throw Error(ErrorKind::badData, path_, "no splat is left: none had finite values");
     return std::move(loaded_);
   }

@@ -22,7 +22,7 @@ glm::vec4 withLength(glm::vec4 q) {
 
 static_assert(kFieldCount == 5, "mendSplats() does not know it");
 
-void mendSplats(GaussianModel& model, const std::string& path, std::vector<std::string>& warnings) {
+void mendSplats(GaussianModel& model, const std::string& path, std::vector<std::string>& repairs) {
   TG_ASSERT(lengthsAgree(model) && model.atlas.rects.empty(), "a model without textures");
   std::vector<std::uint32_t> kept;
   std::size_t directionless = 0;
@@ -45,8 +45,8 @@ void mendSplats(GaussianModel& model, const std::string& path, std::vector<std::
     kept.push_back(static_cast<std::uint32_t>(i));
   }
   if (kept.empty()) throw Error(ErrorKind::badData, path, "no splat is left: none had finite values");
-  warnRepair(warnings, model.size() - kept.size(), kDroppedSplat);
-  warnRepair(warnings, directionless, kDirectionlessSplat);
+  addSplatCount(repairs, model.size() - kept.size(), kDroppedSplat);
+  addSplatCount(repairs, directionless, kDirectionlessSplat);
   if (kept.size() < model.size()) model = select(model, kept);
 }
 

@@ -8,7 +8,6 @@
 #include <glm/glm.hpp>
 #include <limits>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "core/model/model.h"
@@ -67,15 +66,9 @@ inline glm::vec3 withoutZeroScales(glm::vec3 log_scale) {
   return log_scale;
 }
 
-// One line for the summary when `count` splats were put right; `what` begins with "with".
-inline void warnRepair(std::vector<std::string>& warnings, std::size_t count, const std::string& what) {
-  if (count != 0) warnings.push_back(std::to_string(count) + " splats " + what);
-}
-
-// Whether a warning is such a line.
-inline bool isRepair(std::string_view warning) {
-  const std::size_t digits = warning.find_first_not_of("0123456789");
-  return digits != 0 && digits != warning.npos && warning.substr(digits).starts_with(" splats with");
+// A line where `count` splats were put right or clipped; `what` begins with "with".
+inline void addSplatCount(std::vector<std::string>& lines, std::size_t count, const std::string& what) {
+  if (count != 0) lines.push_back(std::to_string(count) + " splats " + what);
 }
 
 constexpr const char* kDroppedSplat = "with values that are not finite: dropped";
@@ -100,10 +93,10 @@ class LinearRepair {
     }
     return true;
   }
-  void warn(std::vector<std::string>& warnings) const {
-    warnRepair(warnings, dropped_, kDroppedSplat);
-    warnRepair(warnings, negative_, "with a negative scale: sign dropped");
-    warnRepair(warnings, directionless_, kDirectionlessSplat);
+  void report(std::vector<std::string>& repairs) const {
+    addSplatCount(repairs, dropped_, kDroppedSplat);
+    addSplatCount(repairs, negative_, "with a negative scale: sign dropped");
+    addSplatCount(repairs, directionless_, kDirectionlessSplat);
   }
 
  private:
@@ -113,6 +106,6 @@ class LinearRepair {
 // Puts right what readSplatPly() calls broken. Infinite logits are opacities of 0 and 1 (kLogitLimit), log scales of
 // minus infinity scales of 0, and a quaternion whose square no float holds keeps its direction; what has other numbers
 // that are not finite is dropped. Throws Error(badData, path) where nothing is left.
-void mendSplats(GaussianModel& model, const std::string& path, std::vector<std::string>& warnings);
+void mendSplats(GaussianModel& model, const std::string& path, std::vector<std::string>& repairs);
 
 }  // namespace tg

@@ -77,7 +77,7 @@ Bundle parseSplat(std::span<const std::uint8_t> bytes, const std::string& path) 
     model.sh[at++] = dc;
   }
   resizeGaussians(model, at, 0);
-  repair.warn(loaded.warnings);
+  repair.report(loaded.repairs);
   if (model.size() == 0) throw Error(ErrorKind::badData, path, "no splat is left: none had finite values");
   return loaded;
 }

@@ -61,7 +61,7 @@ Bundle readPage(const Path& path, const ReadOptions& options) {
 Bundle readPly(const Path& path, const ReadOptions& options) {
   bool broken = false;
   Bundle loaded = bundleOf(readSplatPly(path, options.progress, &broken));
-  if (broken) mendSplats(loaded.model, path.string(), loaded.warnings);
+  if (broken) mendSplats(loaded.model, path.string(), loaded.repairs);
   SplatPlyFile(path).rows().warn(loaded.warnings);
   return loaded;
 }
@@ -84,7 +84,7 @@ template <GltfReport (*write)(const Path&, const GltfContent&)>
 void writeScene(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
   static_cast<GltfReport&>(written) =
       write(path, {source.model, source.cameras, source.background, options, source.views, source.knows_background});
-  warnRepair(written.warnings, written.clipped_scales, kClippedScale);
+  addSplatCount(written.warnings, written.clipped_scales, kClippedScale);
   if (written.dropped_source) {
     written.warnings.push_back("a GLB ends at 4 GiB: the numbers that bring a .ply back bit by bit are left out");
   }
@@ -104,14 +104,14 @@ void writeGltfScene(const Path& path, const Bundle& source, const WriteOptions& 
 
 void writeBaseSplat(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
   const SplatReport splat = writeSplat(path, source.model);
-  warnRepair(written.warnings, splat.clipped_scales, kClippedScale);
-  warnRepair(written.warnings, splat.clipped_colors, "with a colour outside 0 to 255: clipped");
+  addSplatCount(written.warnings, splat.clipped_scales, kClippedScale);
+  addSplatCount(written.warnings, splat.clipped_colors, "with a colour outside 0 to 255: clipped");
 }
 
 void warnSpz(const SpzReport& spz, Written& written) {
-  warnRepair(written.warnings, spz.clipped_scales, "with a scale outside SPZ's e^-10 to e^5.94: clipped");
-  warnRepair(written.warnings, spz.clipped_colors, "with a colour outside SPZ's range: clipped");
-  warnRepair(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
+  addSplatCount(written.warnings, spz.clipped_scales, "with a scale outside SPZ's e^-10 to e^5.94: clipped");
+  addSplatCount(written.warnings, spz.clipped_colors, "with a colour outside SPZ's range: clipped");
+  addSplatCount(written.warnings, spz.clipped_sh, "with SH coefficients outside [-1, 1]: clipped");
 }
 
 void writeBaseSpz(const Path& path, const Bundle& source, const WriteOptions& options, Written& written) {
@@ -126,7 +126,7 @@ void writeBaseTiles(const Path& path, const Bundle& source, const WriteOptions& 
 
 void writePackedPly(const Path& path, const Bundle& source, const WriteOptions&, Written& written) {
   CompressedPlyReport packed = writeCompressedPly(path, source.model);
-  warnRepair(written.warnings, packed.clipped_sh, "with SH coefficients outside [-4, 4]: clipped");
+  addSplatCount(written.warnings, packed.clipped_sh, "with SH coefficients outside [-4, 4]: clipped");
   written.order = std::move(packed.order);
 }
 
@@ -149,12 +149,23 @@ void writeOrdered(const Path& path, const Bundle& source, const WriteOptions& op
 }
 
 // What many files of one scene say is said once, and not all where each says something else.
-void addEachOnce(const std::vector<std::string>& some, std::vector<std::string>& warnings) {
+void addEachOnce(const Bundle& file, std::vector<std::string>& repairs, std::vector<std::string>& warnings) {
   constexpr std::size_t kMostTold = 5;
-  for (const std::string& warning : some) {
-    if (warnings.size() > kMostTold || std::ranges::find(warnings, warning) != warnings.end()) continue;
-    warnings.push_back(warnings.size() < kMostTold ? warning : "further warnings of its files are left out");
-  }
+  bool all_told = true;
+  const auto add = [&](const std::vector<std::string>& some, std::vector<std::string>& told) {
+    for (const std::string& line : some) {
+      if (std::ranges::find(told, line) != told.end()) continue;
+      if (told.size() < kMostTold) {
+        told.push_back(line);
+      } else {
+        all_told = false;
+      }
+    }
+  };
+  add(file.repairs, repairs);
+  add(file.warnings, warnings);
+  const std::string further = "further warnings of its files are left out";
+  if (!all_told && std::ranges::find(warnings, further) == warnings.end()) warnings.push_back(further);
 }
 
 // The finest level.
@@ -163,16 +174,17 @@ Bundle readLevels(const Path& path, const ReadOptions& options) {
   const LodReader reader = lodFolderReader(path);
   const std::vector<std::uint8_t> levels = sameLevel(scene, 0);
   std::map<std::uint32_t, GaussianModel> files;
-  std::vector<std::string> warnings = scene.warnings;
+  std::vector<std::string> repairs, warnings = scene.warnings;
   for (const std::uint32_t file : filesOf(scene, levels)) {
     if (options.progress && options.progress->cancel) throw ReadCancelled();
     Bundle read = readLodFile(scene, file, reader, options.base_only);
-    addEachOnce(read.warnings, warnings);
+    addEachOnce(read, repairs, warnings);
     files.emplace(file, std::move(read.model));
   }
   Bundle loaded =
       bundleOf(assembleLod(scene, levels, [&](std::uint32_t file) -> const GaussianModel& { return files.at(file); }));
   loaded.cameras = readLodCameras(scene, reader, warnings);
+  loaded.repairs = std::move(repairs);
   loaded.warnings = std::move(warnings);
   loaded.background = scene.background.value_or(loaded.background);
   loaded.knows_background = scene.background.has_value();
@@ -188,21 +200,23 @@ void writeLevels(const Path& path, const Bundle& source, const WriteOptions&, Wr
 }
 
 // The files of all levels.
-void findBrokenLevels(const Path& path, std::vector<std::string>& errors, std::vector<std::string>& warnings) {
+Overlooked findBrokenLevels(const Path& path) {
+  Overlooked found;
   const LodScene scene = readLodScene(path);
   const LodReader reader = lodFolderReader(path);
-  warnings.insert(warnings.end(), scene.warnings.begin(), scene.warnings.end());
+  found.warnings = scene.warnings;
   const auto attempt = [&](const auto& read) {
     try {
       read();
     } catch (const Error& error) {
-      errors.emplace_back(error.what());
+      found.broken.emplace_back(error.what());
     }
   };
   for (std::uint32_t file = 0; file < scene.files.size(); ++file) {
-    attempt([&] { addEachOnce(readLodFile(scene, file, reader).warnings, warnings); });
+    attempt([&] { addEachOnce(readLodFile(scene, file, reader), found.repairs, found.warnings); });
   }
   attempt([&] { readLodCameras(scene, reader); });
+  return found;
 }
 
 std::uint64_t sizeOf(const Path& path) {
@@ -440,6 +454,8 @@ Bundle readModel(const Path& path, const ReadOptions& options) {
   const Format& format = detectFormat(path);
   Bundle loaded = format.read(path, options);
   loaded.format = format.name;
+  loaded.warnings.insert(loaded.warnings.begin(), loaded.repairs.begin(), loaded.repairs.end());
+  loaded.repairs.clear();
   if (!format.holds(kKeepsBackground)) loaded.knows_background = false;
   return loaded;
 }

@@ -42,6 +42,12 @@ inline constexpr FileAxes kModelAxes = {"x right, y down, z forward (COLMAP)", {
 inline constexpr FileAxes kGltfAxes = {"+y up, +z forward (glTF)", {-1.0f, -1.0f, 1.0f}};
 inline constexpr FileAxes kSpzAxes = {"x right, y up, z back (SPZ)", {1.0f, -1.0f, -1.0f}};
 
+// Of the files that one names.
+struct Overlooked {
+  std::vector<std::string> broken;             // a line a file, with its path
+  std::vector<std::string> repairs, warnings;  // as a Bundle's
+};
+
 struct Format {
   std::string_view name;         // in reports; of what is written also the extension, without its dot
   std::string_view spoken = {};  // in sentences that list formats: "our html"
@@ -59,9 +65,8 @@ struct Format {
   // says. Throws Error for a broken structure.
   std::size_t (*check)(const std::filesystem::path& path, std::vector<std::string>& errors,
                        std::vector<std::string>& warnings) = nullptr;
-  // What reading gets by without, as `check` says it. Null: nothing. Throws Error for a broken structure.
-  void (*overlooked)(const std::filesystem::path& path, std::vector<std::string>& errors,
-                     std::vector<std::string>& warnings) = nullptr;
+  // What reading gets by without. Null: nothing. Throws Error for a broken structure.
+  Overlooked (*overlooked)(const std::filesystem::path& path) = nullptr;
   // Bytes of the files that one names beside it; 0 of what is not there. Null: it is one file.
   std::uint64_t (*beside)(const std::filesystem::path& path) = nullptr;
   FileAxes axes = kModelAxes;

@@ -160,7 +160,7 @@ class SogReader {
       }
       loaded_.model.rotation[i] = q;
     }
-    warnRepair(loaded_.warnings, broken, "with a broken rotation: not turned");
+    addSplatCount(loaded_.repairs, broken, "with a broken rotation: not turned");
   }
 
   void readColors(const JsonNode& node) {

@@ -28,7 +28,9 @@ struct Bundle {
   std::string format;                 // filled by readModel(): the name of the file's format
   std::optional<glm::vec3> axes;      // filled by readers of files in others than their format's: a sign a coordinate
                                       // that makes the model's of the file's
-  std::vector<std::string> warnings;  // filled by readers: what was repaired or skipped, a line each, without the path
+  // Filled by readers, a line each, without the path: what broke its format's rules and was put right, which
+  // readModel() moves before the warnings; what was skipped or guessed.
+  std::vector<std::string> repairs, warnings;
 };
 
 // Bounds that are checked before anything is allocated. Raise them for trusted files.

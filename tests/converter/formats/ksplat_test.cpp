@@ -83,9 +83,9 @@ TEST_CASE(".ksplat: what has no logarithm or is not finite is repaired or droppe
   CHECK(loaded.model.mean[0].x == Approx(3.0));
   CHECK(loaded.model.rotation[0] == glm::vec4(1, 0, 0, 0));
   CHECK(loaded.model.log_scale[0].y == Approx(std::log(0.5)));
-  CHECK(loaded.warnings == std::vector<std::string>{"3 splats with values that are not finite: dropped",
-                                                    "2 splats with a negative scale: sign dropped",
-                                                    "2 splats with a quaternion of length 0: not turned"});
+  CHECK(loaded.repairs == std::vector<std::string>{"3 splats with values that are not finite: dropped",
+                                                   "2 splats with a negative scale: sign dropped",
+                                                   "2 splats with a quaternion of length 0: not turned"});
   parts.scale[0] = std::numeric_limits<float>::quiet_NaN();
   CHECK(refused(parts) == "a.ksplat: no splat is left: none had finite values");
 }

@@ -326,9 +326,9 @@ TEST_CASE(".splat: every number where it belongs, what has no logarithm is repai
   CHECK(model.opacity_logit[1] == 20.0f);
   checkCloseTo(model.log_scale[1], {0.0f, std::log(1e-4f), 0.0f});
   CHECK(model.rotation[1] == glm::vec4(1, 0, 0, 0));
-  CHECK(loaded.warnings == std::vector<std::string>{"1 splats with values that are not finite: dropped",
-                                                    "1 splats with a negative scale: sign dropped",
-                                                    "1 splats with a quaternion of length 0: not turned"});
+  CHECK(loaded.repairs == std::vector<std::string>{"1 splats with values that are not finite: dropped",
+                                                   "1 splats with a negative scale: sign dropped",
+                                                   "1 splats with a quaternion of length 0: not turned"});
 
   CHECK(messageOf([&] { parseSplat(bytesOf(bytes.substr(0, 33)), "a.splat"); }) ==
         "a.splat: is no .splat file (expected a multiple of 32 bytes, found 33)");

@@ -21,6 +21,7 @@
 #include "converter/sog/sog.h"
 #include "core/file/file.h"
 #include "core/file/folder_lock.h"
+#include "core/image/webp.h"
 #include "core/merge/moments.h"
 #include "core/model/verbs.h"
 #include "core/system/error.h"
@@ -359,6 +360,32 @@ TEST_CASE("levels of detail: a broken file of a scene is said in one line, and t
   CHECK(said(ErrorKind::cannotRead).find("meta.json") != std::string::npos);
   CHECK(readLodFile(scene, 0, reader).model.size() == scene.file_counts[0]);
   CHECK(readLodFile(scene, 2, reader).model.size() == scene.file_counts[2]);
+}
+
+TEST_CASE("levels of detail: check finds what readers put right behind any number of warnings") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  writeLod(path, trained(5000, false), kSmall);
+  const LodScene scene = readLodScene(path);
+  REQUIRE(scene.files.size() > 7);
+  for (std::size_t file = 0; file < 7; ++file) {
+    const fs::path meta = scratch.folder() / scene.files[file];
+    nlohmann::ordered_json json = nlohmann::ordered_json::parse(std::ifstream(meta));
+    json["model"] = std::string(1, static_cast<char>('a' + file));
+    std::ofstream(meta) << json;
+  }
+  CHECK(checkFile(path).errors.empty());
+  const fs::path quats = scratch.folder() / fs::path(scene.files[6]).parent_path() / "quats.webp";
+  BytePixels pixels = decodeWebp(readFile(quats, 1 << 20), quats.string());
+  pixels.data[3] = 7;
+  const std::vector<std::uint8_t> encoded = encodeWebp(pixels);
+  std::ofstream(quats, std::ios::binary) << std::string(encoded.begin(), encoded.end());
+  const CheckReport report = checkFile(path);
+  REQUIRE(report.errors.size() == 1);
+  CHECK(report.errors[0].message == "1 splats with a broken rotation: not turned");
+  REQUIRE(report.warnings.size() == 6);
+  CHECK(report.warnings[5].message == "further warnings of its files are left out");
+  CHECK(report.gaussians > 0);
 }
 
 TEST_CASE("levels of detail: a file that holds more or less than lod-meta.json says is refused") {

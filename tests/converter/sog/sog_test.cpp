@@ -308,8 +308,7 @@ TEST_CASE("SOG: a rotation that says nothing is counted, and turns nothing") {
   parts.images[3].second[3] = 7;
   const Bundle loaded = parseSog(parts.bytes(scratch), "a.sog");
   CHECK(loaded.model.rotation[0] == glm::vec4(1, 0, 0, 0));
-  REQUIRE(loaded.warnings.size() == 1);
-  CHECK(loaded.warnings[0] == "1 splats with a broken rotation: not turned");
+  CHECK(loaded.repairs == std::vector<std::string>{"1 splats with a broken rotation: not turned"});
 }
 
 TEST_CASE("SOG: a model comes back in the order that is returned, within the steps of its numbers") {
