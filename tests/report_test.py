@@ -111,8 +111,8 @@ class ReportTest(unittest.TestCase):
         self.assertEqual(row(text, "RGBA by default", "fox 1 %"), ["20", "35", "25.50 / 0.9000", "26.50 / 0.9000",
                                                                    "27.00 / 0.9000", "+1.50 / +0.0000"])
         self.assertEqual(row(text, "Beyond +-3 sigma", "fox 1 %"), ["26.50 / 0.9000", *["26.25 / 0.9000"] * 2])
-        self.assertEqual(row(text, section, "1 %"), ["+2.50 / +0.0000", "+2.00 / +0.0000", "+1.13 / +0.0180",
-                                                     "+1.38 / +0.0773"])
+        self.assertEqual(row(text, section, "1 %"), ["+2.50 / +0.0000", "+2.00 / +0.0000", "+2.00 / +0.0000",
+                                                     "+1.13 / +0.0180", "+1.38 / +0.0773"])
         self.assertEqual(row(text, section, "2 %")[:2], ["-", "-"])
         self.assertIn("6 of 48 cells.", text)
         self.assertEqual(row(text, "Size, memory", "fox 1 %"),
@@ -120,6 +120,29 @@ class ReportTest(unittest.TestCase):
         self.assertEqual(row(text, "Effective ranks", "fox 1 %")[1], "25.0 % / 25.0 % / 25.0 %")
         self.assertEqual(row(text, "Texture size", "none, twin"), ["25.50 / 0.9000"] * 3)
         self.assertIn("<title>RGBA: 1, 26.5</title>", self.page())
+
+    def test_gains_are_counted_beside_their_spread_over_seeds_of_one_recipe(self):
+        for share, gains in (("001", (1.0, 1.1, 0.9)), ("002", (0.15,)), ("005", (-0.3,))):
+            for seed, above in enumerate(gains, 1):
+                self.add(f"fox/{share}/none/{seed}", 25.0)
+                report = cell(f"fox/{share}/rgba/{seed}", 25.0 + above, 25.0, side=40)
+                report["training"]["stages"]["plain"].update(test_psnr=25.0, test_ssim=0.9)
+                self.write(f"fox/{share}/rgba/{seed}.json", json.dumps(report))
+        text = self.results()
+        prose = " ".join(text.split())
+        self.assertIn("ahead of stage 1 by more than 0.05 dB in 2 of 3 cells", prose)
+        self.assertIn("behind stage 1 by more than 0.05 dB in fox 5 % (-0.30)", prose)
+        self.assertIn("[dB]: fox 0.10 and 0.10. RGBA is ahead of stage 1 by more than two of them in 1 of 3 cells", prose)
+        self.assertEqual(row(text, "Spread over seeds", "fox 1 %")[0], "3")
+        for seed, settings in ((1, {}), (2, {"extent-distances": 2}), (3, {"extent-distances": 2})):
+            for kind in ("none", "rgba"):
+                path = self.trials / f"fox/001/{kind}/{seed}.json"
+                report = json.loads(path.read_text())
+                report["training"]["settings"] = {"seed": seed, "default-gaussians": 100, **settings}
+                path.write_text(json.dumps(report))
+        text = self.results()
+        self.assertEqual(row(text, "Spread over seeds", "fox 1 %")[0], "2")
+        self.assertEqual(row(text, "RGBA at every share", "fox 1 % (o)")[0], "100")
 
     def test_gains_are_over_the_stage_1_that_a_cell_began_with(self):
         self.add("fox/001/none/1", 25.0)
@@ -195,7 +218,7 @@ class ReportTest(unittest.TestCase):
         text = self.results()
         found = row(text, "Choices", better)
         self.assertEqual((found[0], found[1], found[-3:]), ("+0.51", "-", ["+0.51 +- 0.02", "better", "90.0 %"]))
-        self.assertEqual(row(text, "Choices", noisy)[-3:], ["+0.10 +- 0.25", "tie", "100.0 %"])
+        self.assertEqual(row(text, "Choices", noisy)[-3:], ["+0.10 +- 0.25", "undecided", "100.0 %"])
         self.assertEqual(set(row(text, "Choices", missing)), {"-"})
         found = row(text, "Choices", worse)
         self.assertEqual((found[0], found[1], found[-2:]), ("-0.09", "-", ["-0.09 +- 0.02", "worse"]))
