@@ -133,7 +133,7 @@ class Seeds:
             glbs |= {file.stem: file.read_bytes() for file in (work / "conformance").glob("*.glb")}
             for name, content in glbs.items():
                 self.add("gltf", name, content)
-            call(tgconvert, "--quiet", ROOT / "docs/sample.tgz", work / "tiles/tileset.json")
+            call(self.programs / "tgconvert", "--quiet", ROOT / "docs/sample.tgz", work / "tiles/tileset.json")
             self.add("gltf", "tileset", (work / "tiles/tileset.json").read_bytes())
             self.add("html", "page", made["html"])
             for kind in ("glb", "meshopt", "exr"):

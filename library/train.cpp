@@ -108,10 +108,10 @@ tg::TrainSettings settingsOf(const TrainOptions& options, const std::optional<Mo
     const tg::GaussianModel& model = Access::bundle(*start)->model;
     if (!tg::isTextured(model)) settings.intersection = model.intersection;
   }
-  tg::checkSettings(settings);
   if (settings.quantize_iterations > 0) {
     throw tg::Error(tg::ErrorKind::usage, "--quantize-iterations", "is for a file that tgtrain writes (expected 0)");
   }
+  tg::checkSettings(settings);
   return settings;
 }
 

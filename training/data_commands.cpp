@@ -15,7 +15,7 @@ void addSampleFlags(CLI::App& app, SampleFlags& flags) {
   app.add_option("--size", options.size, "Side of the images in pixels")->capture_default_str();
   app.add_option("--views", options.train_views, "Training views")->capture_default_str();
   app.add_option("--test-views", options.test_views, "Test views")->capture_default_str();
-  app.add_option("--points", options.points, "Points in points3d.ply")->capture_default_str();
+  app.add_option("--points", options.points, "Points in points3d.ply, about")->capture_default_str();
   app.add_option("--supersampling", options.supersampling, "Rays per pixel and axis")->capture_default_str();
   app.add_option("--grid", options.grid, "Grow it to so many cells a side, which share views and points")
       ->capture_default_str();

@@ -384,7 +384,7 @@ TEST_CASE("settings that there are none of, or that are no values, are refused, 
   CHECK(refused({.settings = {{"iteration", "30"}}}) == "iteration: no such setting (did you mean iterations?)");
   CHECK(refused({.settings = {{"speed-of-light", "1"}}}) ==
         "speed-of-light: no such setting (docs/training.md has them)");
-  CHECK(refused({.settings = {{"quantize-iterations", "5"}}}) ==
+  CHECK(refused({.settings = {{"quantize-iterations", "3"}}}) ==
         "--quantize-iterations: is for a file that tgtrain writes (expected 0)");
   // Messages name tgtrain's flags, and those are names, too.
   CHECK_THAT(refused({.settings = {{"iterations", "many"}}}), Contains("--iterations: "));
