@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/system/error.h"
 #include "viewer/panels/sections.h"
@@ -245,6 +246,11 @@ void fileDialog(ViewerState& state, bool escape) {
   ImGui::EndPopup();
 }
 
+// Whether the recording that is asked about has been written while the question was open.
+bool hasEnded(const ViewerState& state) {
+  return state.desktop.question->what == Unsaved::recording && !state.record.wanted;
+}
+
 std::string lossOf(const ViewerState& state) {
   const ClosingQuestion& question = *state.desktop.question;
   switch (question.what) {
@@ -255,6 +261,7 @@ std::string lossOf(const ViewerState& state) {
     case Unsaved::run:
       return "The run is paused, or about to be, as it was told here. Without a window it waits on.";
     case Unsaved::recording:
+      if (hasEnded(state)) return "The recording has been written meanwhile.";
       return "The recording is not finished: " + std::to_string(state.record.done) + " of " +
              std::to_string(state.record.frames) + " pictures.";
     case Unsaved::edits:
@@ -266,14 +273,15 @@ std::string lossOf(const ViewerState& state) {
 }
 
 // The answers to a question, side by side. Left, Right and Tab choose the one that Enter gives, which is lit: the
-// first one where the question is `fresh`. Returns the one that was given; -1: none.
+// first one where the question is `fresh`, the last one where the one that was lit is gone. Returns the one that was
+// given; -1: none.
 int answers(std::span<const char* const> labels, bool fresh) {
   const auto pressed = [](ImGuiKey key) { return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key), false); };
   const bool back = pressed(ImGuiKey_LeftArrow) || (pressed(ImGuiKey_Tab) && ImGui::GetIO().KeyShift);
   const bool on = pressed(ImGuiKey_RightArrow) || (pressed(ImGuiKey_Tab) && !ImGui::GetIO().KeyShift);
   const int count = static_cast<int>(labels.size());
   int& lit = *ImGui::GetStateStorage()->GetIntRef(ImGui::GetID("lit"));
-  lit = fresh ? 0 : (lit + on - back + count) % count;
+  lit = fresh ? 0 : (std::min(lit, count - 1) + on - back + count) % count;
   int given = enterPressed() ? lit : -1;
   for (int i = 0; i < count; ++i) {
     const char* label = labels[static_cast<std::size_t>(i)];
@@ -297,10 +305,12 @@ void closingQuestion(ViewerState& state, bool escape) {
   ImGui::TextUnformatted(lossOf(state).c_str());
   ImGui::Dummy({0, ImGui::GetFontSize() * 0.3f});
   enum { save, discard, cancel };
-  std::array labels = {"Save", "Discard", "Cancel"};
+  std::vector labels = {"Save", "Discard", "Cancel"};
   if (state.desktop.question->what == Unsaved::run) labels = {"Go on", "Leave it paused", "Cancel"};
   if (state.desktop.question->what == Unsaved::recording) labels[save] = "Finish it first";
+  if (hasEnded(state)) labels = {"Close", "Cancel"};  // nothing is left to discard
   int answer = answers(labels, fresh);
+  if (answer + 1 == static_cast<int>(labels.size())) answer = cancel;
   if (answer < 0 && escape && !fresh) answer = cancel;
   if (answer >= 0) ImGui::CloseCurrentPopup();
   ImGui::EndPopup();

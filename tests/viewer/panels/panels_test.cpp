@@ -22,6 +22,7 @@
 #include "core/tiny_model.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
+#include "viewer/panels/sections.h"
 #include "viewer/panels/widgets.h"
 #include "viewer/view/actions.h"
 #include "viewer/view/bookmarks.h"
@@ -70,19 +71,29 @@ class Interface {
   }
   // All words of the panel.
   std::string text(ViewerState& state) const {
-    ImGui::GetIO().MousePos = {-1, -1};
-    ImGui::NewFrame();
-    ImGui::LogToClipboard();
-    drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}}, false);
-    ImGui::EndFrame();
-    const char* words = ImGui::GetClipboardText();
-    return words ? words : "";
+    return wordsOf([&] { drawPanels(state, {{4, 5}, {{"blend", 3}}, "device", {64, 48}}, false); });
+  }
+  // Those of the dialog or question that is open.
+  std::string dialogText(ViewerState& state) const {
+    return wordsOf([&] { dialogs(state, false); });
   }
   ImGuiID active() const { return context_->ActiveId; }
 
   static constexpr float kWidth = 900, kHeight = 1000;
 
  private:
+  // Of the first window that `draw` draws.
+  template <typename Draw>
+  static std::string wordsOf(Draw draw) {
+    ImGui::GetIO().MousePos = {-1, -1};
+    ImGui::NewFrame();
+    ImGui::LogToClipboard();
+    draw();
+    ImGui::EndFrame();
+    const char* words = ImGui::GetClipboardText();
+    return words ? words : "";
+  }
+
   struct Destroy {
     void operator()(ImGuiContext* context) const { ImGui::DestroyContext(context); }
   };
@@ -303,6 +314,36 @@ TEST_CASE("the answer that Enter gives is lit, and the next question begins with
   REQUIRE(state.desktop.question);
   CHECK(state.desktop.question->what == Unsaved::path);
   CHECK(lit() == Approx(first).margin(1));
+}
+
+TEST_CASE("a recording that ends while it is asked about leaves nothing to discard") {
+  const auto answered = [](int steps, std::initializer_list<ImGuiKey> keys) {
+    ViewerState state = bareState();
+    state.record.wanted = true;
+    state.record.done = 60;
+    state.record.frames = 61;
+    state.desktop.question = ClosingQuestion{{}, Unsaved::recording, {}};
+    const Interface interface;
+    for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
+    for (int i = 0; i < steps; ++i) interface.press(state, ImGuiKey_RightArrow);
+    const std::string before = interface.dialogText(state);
+    CHECK_THAT(before, Contains("60 of 61") && Contains("Finish it first") && Contains("Discard"));
+    state.record.wanted = false;
+    const std::string after = interface.dialogText(state);
+    CHECK_THAT(after, Contains("The recording has been written meanwhile.") && Contains("Close"));
+    CHECK_THAT(after, !Contains("Discard") && !Contains("60 of 61") && !Contains("Finish"));
+    for (const ImGuiKey key : keys) interface.press(state, key);
+    CHECK(state.desktop.question);
+    interface.press(state, ImGuiKey_Enter);
+    CHECK_FALSE(state.desktop.question);
+    return state.quit;
+  };
+  CHECK(answered(0, {}));
+  CHECK_FALSE(answered(0, {ImGuiKey_RightArrow}));
+  CHECK(answered(0, {ImGuiKey_LeftArrow, ImGuiKey_Tab}));
+  CHECK_FALSE(answered(1, {}));  // Discard was lit
+  CHECK_FALSE(answered(2, {}));
+  CHECK(answered(2, {ImGuiKey_RightArrow}));
 }
 
 TEST_CASE("a press of the pointer reaches the widget that it is over, on every page") {
