@@ -14,7 +14,7 @@
 namespace tg {
 namespace {
 
-constexpr double kEscapeSeconds = 2;  // between two presses that quit
+constexpr double kEscapeSeconds = 2;  // in which a second press quits, once the window says so
 
 template <Output kOutput>
 void show(ViewerState& state) {
@@ -156,12 +156,10 @@ void escape(ViewerState& state) {
     state.path.playing = state.camera.turntable = false;
   } else if (state.desktop.fullscreen) {
     state.desktop.fullscreen = false;
-  } else if (state.ui.key_time < state.ui.escape_until ||
-             (state.ui.key_time >= state.ui.escape_told && state.ui.key_time < state.ui.escape_told + kEscapeSeconds)) {
+  } else if (state.ui.key_time > state.ui.escape_seen && state.ui.key_time < state.ui.escape_seen + kEscapeSeconds) {
     askToQuit(state);
   } else {
-    state.ui.escape_until = state.ui.key_time + kEscapeSeconds;
-    state.ui.escape_told = state.time;
+    state.ui.escape_said = true;
     notify(state, "Esc once more ends tgview, and so does Ctrl+Q");
   }
 }

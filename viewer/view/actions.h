@@ -41,7 +41,7 @@ std::span<const KeyBinding> keyBindings();
 void runAction(ViewerState& state, const KeyBinding& binding);
 // False: it would only say that there is nothing to do it with.
 bool canRun(const ViewerState& state, const KeyBinding& binding);
-// `time`: [s] of the window, when it went down; none: now. False: the key does nothing.
+// `time`: [s] of the window, when it was taken up; none: now. False: the key does nothing.
 bool pressKey(ViewerState& state, int key, bool shift, std::optional<double> time = std::nullopt);
 // What the menu calls a setting; "" where no key steps through it.
 std::string_view menuWords(std::string_view setting);

@@ -118,9 +118,9 @@ struct UiState {
   int help_pages = 0;         // that it is still to be scrolled down by
   bool menu = false;          // the menu bar lies over the picture: the pointer has come for it, the panel is hidden
   bool continuous = false;    // draw without pause, to watch frame times
-  double key_time = 0;        // [s] window time: when the key went down that acts
-  double escape_until = 0;    // [s] window time: Esc, pressed again, quits
-  double escape_told = -1e9;  // [s] window time: since this was said, long after a slow frame's key
+  double key_time = 0;        // [s] window time: when the key was taken up that acts
+  bool escape_said = false;   // that Esc once more quits, by a notice that is still to be shown
+  double escape_seen = -1e9;  // [s] window time: since the window shows it
   bool drag_spent = false;    // the left button is down for a drag that was taken back: it does nothing until let go
 };
 

@@ -32,7 +32,7 @@ struct InputEvent {
   bool shift = false;     // of a key
   int mods = 0;           // of a button and the wheel: GLFW_MOD_SHIFT, CONTROL, ALT as they were held then
   glm::dvec2 wheel{0.0};  // notches, across and up
-  double time = -1;       // [s] of GLFW's clock
+  double time = -1;       // [s] of GLFW's clock: when it was taken up, which is once a frame
   // Of the window, in its units; none: no event since it left.
   std::optional<glm::dvec2> pointer;
   std::uint64_t place = 0;  // in Dear ImGui's own queue, counted since the window opened

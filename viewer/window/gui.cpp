@@ -135,7 +135,7 @@ void Gui::newFrame(Events& events, bool waits) {
       io.MouseDown[button] = next->kind == Kind::release;
     }
     if (now == taken.end() || now->kind != Kind::press || button != GLFW_MOUSE_BUTTON_LEFT) continue;
-    // Two are a double click by when they came, not by when their frames do.
+    // Two are a double click by when they were taken up, not by when their frames are.
     const double before = std::exchange(pressed_at_, now->time);
     if (before >= 0) io.MouseClickedTime[button] = ImGui::GetTime() + double{io.DeltaTime} - (now->time - before);
   }

@@ -94,6 +94,7 @@ class Viewer {
   bool inputQueued() const { return !events_.waiting.empty() || graphics_->gui.inputQueued(); }
   void handleEvents();
   void press(const InputEvent& key);
+  void noticeShown();
   bool escapeForPanels();  // Esc was pressed, and press() has not taken it. Once a frame
   bool handlePointer();
   glm::dvec2 fromMiddle(glm::dvec2 place) const;
@@ -266,6 +267,7 @@ int Viewer::run() {
       if ((complete() && !measuring()) || !capturing()) capture();
       graphics_->screen().present();
       trial_ = std::max(0, trial_ - 1);
+      noticeShown();
     });
     if (options_.timings) frame_timings_.frameShown();
   }
@@ -445,6 +447,13 @@ void Viewer::press(const InputEvent& key) {
   if (isModal(state_) || state_.desktop.wanted || (key.code == kKeyEscape && popupIsOpen())) return;  // theirs
   if (key.code == kKeyEscape) ++escapes_taken_;
   pressKey(state_, key.code, key.shift, key.time);
+}
+
+// After a frame that was presented: what was pressed until then is taken up, as pressed before the notice was seen.
+void Viewer::noticeShown() {
+  if (!std::exchange(state_.ui.escape_said, false)) return;
+  glfwPollEvents();
+  state_.ui.escape_seen = glfwGetTime();
 }
 
 bool Viewer::escapeForPanels() {

@@ -33,12 +33,12 @@ double share(const Image& a, const Image& b) {
   return changed / static_cast<double>(a.data.size());
 }
 
-// Ctrl+Q or Esc (`leave`) asks, and Esc goes back: `before` is what the script does first, `end` what the hand does
-// last.
+// Ctrl+Q or Esc (`leave`) asks, and Esc goes back: `before` is what the script does first, before.png of it, `end` what
+// the hand does last.
 void askedOnLeaving(const Workshop& shop, const std::string& before, const std::string& leave, const std::string& end) {
   playByHand(shop,
-             before + "window before.png\nawait-file pressed\nwait 30\n" + seen("asked") +
-                 "await-file left\nwait 30\n" + seen("back") + "await-file never\n",
+             before + "await-file pressed\nwait 30\n" + seen("asked") + "await-file left\nwait 30\n" + seen("back") +
+                 "await-file never\n",
              "reached before.png\n" + leave + "touch pressed\nseen asked\nkey Escape\ntouch left\nseen back\n" + end);
   CHECK(share(shop.read("before.png"), shop.read("asked.png")) > 0.05);
   CHECK(share(shop.read("before.png"), shop.read("back.png")) < 0.1);  // but for lines that fade
@@ -87,8 +87,8 @@ TEST_CASE("a path that was not saved is asked for, Esc goes back, Save saves it 
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  askedOnLeaving(shop, "path-lines off\nadd-key\nwait 2\n", "key Escape\nkey Escape\n",
-                 "key ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\n");
+  askedOnLeaving(shop, "path-lines off\nadd-key\nwait 2\nwindow before.png\nawait-file told\nwait 4\nwindow told.png\n",
+                 "key Escape\nseen told\nkey Escape\n", "key ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\n");
   CHECK(std::filesystem::exists(shop / "path.json"));
 }
 
@@ -132,11 +132,21 @@ TEST_CASE("a window that is told to stop keeps its session and ends by the signa
   }
 }
 
+TEST_CASE("Esc twice within one frame leaves the window open and says that once more ends it", "[window]") {
+  TG_SKIP_IF(noHand());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  playByHand(shop, "hold-frame go\nwait 6\nwindow told.png\nawait-file never\n",
+             "reached go.held\nkey Escape\nkey Escape\ntouch go\nreached told.png\nkey Escape\n", {"model.tgz"},
+             TG_TGVIEW_UNDER_TEST);
+  CHECK(share(shop.read("ready.png"), shop.read("told.png")) > 0);
+}
+
 TEST_CASE("edits that were not saved are asked for, and Save replaces the model's own file and ends", "[window]") {
   TG_SKIP_IF(noHand());
   const Workshop shop;
   test::writeSample(shop / "model.tgz");
-  askedOnLeaving(shop, "select x>0\ndelete-selection\n", "cp model.tgz whole.tgz\nkey ctrl+q\n",
+  askedOnLeaving(shop, "select x>0\ndelete-selection\nwindow before.png\n", "cp model.tgz whole.tgz\nkey ctrl+q\n",
                  "key ctrl+q\nsleep 0.3\nkey Return\nsleep 0.3\nkey Return\nsleep 0.3\n"
                  "cmp model.tgz whole.tgz || exit 93\nkey Return\n");
   const std::size_t left = readModel(shop / "model.tgz").model.size();
