@@ -177,6 +177,13 @@ TEST_CASE("SPZ: zeros that fill the file up are passed over and other bytes are 
         "a.spz: 4 bytes follow the gzip stream (expected none)");
   CHECK(messageOf([&] { spz(SpzParts(4).version4() + std::string(3, '\0') + "x"); }) ==
         "a.spz: SPZ: 4 bytes follow the splats (expected none)");
+  // Extensions that the header tells of stand in the stream, or before the table of version 4, and nowhere else.
+  CHECK(messageOf([&] { spz(gzipped(extended.whole()) + axes); }) ==
+        "a.spz: 12 bytes follow the gzip stream (expected none)");
+  SpzParts fourth(4);
+  fourth.flags = 2;
+  CHECK(messageOf([&] { spz(fourth.version4(axes) + axes); }) ==
+        "a.spz: SPZ: 12 bytes follow the splats (expected none)");
   // Half a million empty records of type 0: a search for padding at each would take minutes.
   CHECK(spz(extended.whole() + std::string(std::size_t{4} << 20, '\0') + "x").warnings.size() == 1);
 }
