@@ -66,7 +66,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_MenuBar);
   ImGui::PopStyleVar();
-  pushNoTabStop();  // the key is that of textures
+  pushTabStop(false);  // the key is that of textures
   panelMenu(state);
   ImGuiStorage& kept = *ImGui::GetStateStorage();
   const ImGuiID head = ImGui::GetID("head"), was_low = ImGui::GetID("low"), shown = ImGui::GetID("shown page");
@@ -138,7 +138,7 @@ void panel(ViewerState& state, const FrameStatistics& statistics) {
   if (!low) ImGui::EndChild();
   ImGui::EndChild();
   edge(state);
-  popNoTabStop();
+  popTabStop();
   ImGui::End();
 }
 

@@ -3,6 +3,9 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
+#include <limits>
 
 #include "core/system/numbers.h"
 #include "viewer/panels/sections.h"
@@ -61,20 +64,28 @@ void keyTable(ViewerState& state) {
   ImGui::EndTable();
 }
 
-// Two sides in pixels. What is typed counts once its field is left, as a picture of that size can be; what cannot be
-// one is refused with a notice.
+// Two sides in pixels, between which Tab leads. What is typed counts once both are left, if a picture may have that
+// size; else it is refused with a notice.
 void sizeField(ViewerState& state, const char* id, glm::ivec2& size) {
   ImGuiStorage& kept = *ImGui::GetStateStorage();
   const ImGuiID frame = ImGui::GetID(id), first = frame + 1, second = frame + 2;
-  glm::ivec2 typed = size;
-  if (kept.GetInt(frame, -2) == ImGui::GetFrameCount() - 1) typed = {kept.GetInt(first), kept.GetInt(second)};
-  ImGui::InputInt2(id, &typed.x);
-  if (ImGui::IsItemDeactivatedAfterEdit()) {
-    const glm::ivec2 held = glm::clamp(typed, glm::ivec2(1), glm::ivec2(kMaxImageSide));
-    if (isImageSize(held.x, held.y)) {
-      size = held;
+  std::array<std::int64_t, 2> sides = {size.x, size.y};  // more digits than an int has may be typed
+  const bool held = kept.GetInt(frame, -2) == ImGui::GetFrameCount() - 1;
+  if (held) sides = {kept.GetInt(first), kept.GetInt(second)};
+  if (held) pushTabStop(true);
+  ImGui::InputScalarN(id, ImGuiDataType_S64, sides.data(), 2);
+  if (held) popTabStop();
+  const auto side = [](std::int64_t typed) {
+    constexpr std::int64_t kMost = std::numeric_limits<int>::max();
+    return static_cast<int>(std::clamp(typed, -kMost, kMost));
+  };
+  const glm::ivec2 typed(side(sides[0]), side(sides[1]));
+  if (ImGui::IsItemDeactivated() && typed != size) {
+    if (isImageSize(typed.x, typed.y)) {
+      size = typed;
     } else {
-      notify(state, "Too large: expected " + imageSizeLimits());
+      notify(state, "No size of a picture: expected " + imageSizeLimits() + ", found " + std::to_string(typed.x) + "x" +
+                        std::to_string(typed.y));
     }
   }
   if (!ImGui::IsItemActive()) return;

@@ -224,15 +224,15 @@ std::string cutMiddle(const std::string& text, float room) {
   return cut;
 }
 
-void pushNoTabStop() {
+void pushTabStop(bool stops) {
 #if IMGUI_VERSION_NUM < 18940
-  ImGui::PushAllowKeyboardFocus(false);
+  ImGui::PushAllowKeyboardFocus(stops);
 #else
-  ImGui::PushTabStop(false);
+  ImGui::PushTabStop(stops);
 #endif
 }
 
-void popNoTabStop() {
+void popTabStop() {
 #if IMGUI_VERSION_NUM < 18940
   ImGui::PopAllowKeyboardFocus();
 #else

@@ -20,9 +20,9 @@ constexpr ImGuiWindowFlags kOverlay = ImGuiWindowFlags_NoTitleBar | ImGuiWindowF
                                       ImGuiWindowFlags_NoMove | ImGuiWindowFlags_AlwaysAutoResize |
                                       ImGuiWindowFlags_NoSavedSettings;
 
-// Between them no widget takes the Tab key.
-void pushNoTabStop();
-void popNoTabStop();
+// Whether the Tab key leads to the widgets between them.
+void pushTabStop(bool stops);
+void popTabStop();
 
 void heading(const char* text);
 // The tooltip of the widget before, once the pointer has been over it for a while.

@@ -1239,32 +1239,71 @@ TEST_CASE("of the backgrounds one button is lit, the model's own where that is b
   CHECK(lit(glm::vec3(1.0f)) == lit(glm::vec3(0.5f)));
 }
 
-TEST_CASE("the size of a recording is taken when its field is left, cut to what a picture may have") {
+TEST_CASE("the size of a recording is taken when its fields are left, and refused where no picture has it") {
   ViewerState state = bareState();
   state.ui.tab = Tab::path;
   const Interface interface;
   for (int i = 0; i < 3; ++i) (void)interface.hovered(state, {-1, -1});
   const ImGuiID group = ImHashStr("##size", 0, ImHashStr("page", 0, pageWindow().ID));
-  const int first = 0;
-  const ImGuiID field = ImHashStr("", 0, ImHashData(&first, sizeof first, group));
+  const auto field = [group](int component) {
+    return ImHashStr("", 0, ImHashData(&component, sizeof component, group));
+  };
   ImVec2 place(40, 2);
-  while (place.y < Interface::kHeight && interface.hovered(state, place) != field) place.y += 4;
-  const auto typed = [&](std::string_view digits) {
+  while (place.y < Interface::kHeight && interface.hovered(state, place) != field(0)) place.y += 4;
+  const auto type = [&](std::string_view digits) {
     const glm::ivec2 before = state.record.size;
-    for (const bool pressed : {true, false}) (void)interface.hovered(state, place, pressed);
     for (const char digit : digits) {
       ImGui::GetIO().AddInputCharacter(static_cast<unsigned>(digit));
       (void)interface.hovered(state, place);
       CHECK(state.record.size == before);
     }
+  };
+  const auto enter = [&] {
+    for (const bool pressed : {true, false}) (void)interface.hovered(state, place, pressed);
+    CHECK(interface.active() == field(0));
+  };
+  const auto leave = [&] {
     for (const bool pressed : {false, true, false}) (void)interface.hovered(state, {600, 500}, pressed);
     return state.record.size;
   };
+  const auto typed = [&](std::string_view digits) {
+    enter();
+    type(digits);
+    return leave();
+  };
   CHECK(typed("1920") == glm::ivec2(1920, 720));
-  CHECK(typed("99999") == glm::ivec2(kMaxImageSide, 720));
-  CHECK(typed("0") == glm::ivec2(1, 720));
+  CHECK(typed("16384") == glm::ivec2(kMaxImageSide, 720));
   CHECK(state.messages.notice.empty());
-  state.record.size.y = kMaxImageSide;
+  // Words of a refused one with what was typed.
+  for (const char* digits : {"16385", "99999", "0", "-5", "4294967297"}) {
+    INFO(digits);
+    state.messages.notice.clear();
+    CHECK(typed(digits) == glm::ivec2(kMaxImageSide, 720));
+    CHECK_THAT(state.messages.notice, Contains(imageSizeLimits()) && Contains("x720"));
+  }
+  CHECK_THAT((typed("99999"), state.messages.notice), Contains("found 99999x720"));
+  state.messages.notice.clear();
+  // Tab leads to the other side and back, and to no other widget.
+  const auto tab = [&] {
+    interface.press(state, ImGuiKey_Tab);
+    return interface.active();
+  };
+  enter();
+  type("100");
+  CHECK(tab() == field(1));
+  type("200");
+  CHECK(leave() == glm::ivec2(100, 200));
+  enter();
+  type("300");
+  CHECK(tab() == field(1));
+  CHECK(leave() == glm::ivec2(300, 200));  // also where nothing is typed there
+  enter();
+  CHECK(tab() == field(1));
+  CHECK(tab() == field(0));
+  CHECK(leave() == glm::ivec2(300, 200));
+  CHECK(tab() == 0);
+  CHECK(state.messages.notice.empty());
+  state.record.size = {1, kMaxImageSide};
   CHECK(typed("16000") == glm::ivec2(1, kMaxImageSide));
   CHECK_THAT(state.messages.notice, Contains(imageSizeLimits()));
 }
