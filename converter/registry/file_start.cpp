@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <fstream>
 #include <system_error>
@@ -23,6 +24,8 @@ constexpr std::size_t kMostJsonBytes = std::size_t{256} << 20;  // as many as a 
 constexpr std::size_t kLongestKey = 32;                         // the others decide nothing
 // Each of them is a glTF's alone, as "scene", "scenes" and "nodes" are not.
 constexpr std::array<std::string_view, 4> kGltfKeys = {"accessors", "bufferViews", "buffers", "meshes"};
+// Any two of them are a SOG's, whatever it lacks.
+constexpr std::array<std::string_view, 4> kSogKeys = {"means", "scales", "quats", "sh0"};
 
 // The first four bytes inside a gzip stream, or none when it is broken.
 std::string peekInsideGzip(const std::string& start) {
@@ -101,13 +104,13 @@ bool JsonKindReader::add(std::string_view text) {
 }
 
 void JsonKindReader::endKey() {
-  means_ = means_ || key_ == "means";
-  scales_ = scales_ || key_ == "scales";
+  const auto of_sog = std::ranges::find(kSogKeys, key_);
+  if (of_sog != kSogKeys.end()) sog_keys_ |= 1u << (of_sog - kSogKeys.begin());
   filenames_ = filenames_ || key_ == "filenames";
   if (std::ranges::find(kGltfKeys, key_) != kGltfKeys.end()) kind_ = JsonKind::gltf;
   if (key_ == "lodLevels") kind_ = JsonKind::levels;
   if (key_ == "geometricError") kind_ = JsonKind::tileset;
-  if (means_ && scales_) kind_ = JsonKind::sog;
+  if (std::popcount(sog_keys_) == 2) kind_ = JsonKind::sog;
 }
 
 JsonKind JsonKindReader::kind() const { return kind_.value_or(filenames_ ? JsonKind::levels : JsonKind::gltf); }

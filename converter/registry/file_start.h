@@ -29,7 +29,8 @@ class JsonKindReader {
   bool escaped_ = false;      // by the byte before
   bool expects_key_ = false;  // of the outermost object
   bool ended_ = false;
-  bool means_ = false, scales_ = false, filenames_ = false;
+  bool filenames_ = false;
+  unsigned sog_keys_ = 0;  // a bit for each that was there
   std::optional<JsonKind> kind_;
 };
 

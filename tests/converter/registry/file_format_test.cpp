@@ -85,6 +85,13 @@ TEST_CASE("what a JSON is follows from the keys of its outermost object wherever
     CHECK(format("{" + own + R"(, "geometricError": 1})") == "tileset.json");
     CHECK(format("{" + own + "}") == "gltf");
   }
+  // A SOG that lacks some of its keys is one all the same.
+  for (const std::string keys :
+       {R"("scales": {}, "quats": {})", R"("sh0": {}, "means": {})", R"("quats": 1, "sh0": 1)"}) {
+    CAPTURE(keys);
+    CHECK(format(R"({"version": 2, "count": 1, )" + keys + "}") == kSogMetaName);
+  }
+  CHECK(format(R"({"means": {}, "means": {}})") == "gltf");
   CHECK(format("{" + extras + R"(} "lodLevels": 1)") == "gltf");
 }
 

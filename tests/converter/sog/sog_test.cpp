@@ -281,6 +281,12 @@ TEST_CASE("SOG: files that are not bundled are the model of the bundled ones") {
           "found \"" +
               name + "\")");
   }
+  for (const std::string key : {"means", "scales", "quats", "sh0"}) {
+    json = whole;
+    json.erase(key);
+    store();
+    CHECK(refusal() == ": \"" + key + "\" is missing");
+  }
   json = whole;
   json["count"] = (1 << 20) + 1;
   store();
