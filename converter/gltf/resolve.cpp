@@ -41,35 +41,41 @@ bool isExternal(const json& object) {
   return object.is_object() && object.contains("uri") && !isDataUri(object.at("uri"));
 }
 
-// Of accessors that no splat has: those of other meshes, and colours for viewers of plain points.
+// Those that neither splats nor their textures need: of other meshes, of colours for viewers of plain points, of what
+// nothing names.
 std::set<std::size_t> viewsBesideSplats(const json& root) {
-  std::set<std::size_t> read, found;
-  const auto add = [](const json& object, std::set<std::size_t>& to) {
-    if (const json& view = member(object, "bufferView"); view.is_number_unsigned()) to.insert(view.get<std::size_t>());
-  };
-  const auto addAccessor = [&](const json& accessor, std::set<std::size_t>& to) {
-    const json& sparse = member(accessor, "sparse");
-    for (const json* part : {&accessor, &member(sparse, "indices"), &member(sparse, "values")}) add(*part, to);
+  std::set<std::size_t> read, rest;
+  const auto add = [&](const json& object) {
+    if (const json& view = member(object, "bufferView"); view.is_number_unsigned()) {
+      read.insert(view.get<std::size_t>());
+    }
   };
   const json& accessors = list(root, "accessors");
-  for (const json& accessor : accessors) addAccessor(accessor, found);
-  for (const json& image : list(root, "images")) add(image, read);
+  bool layered = false;
   for (const json& mesh : list(root, "meshes")) {
     for (const json& primitive : list(mesh, "primitives")) {
       const json& attributes = member(primitive, "attributes");
       const json& extensions = child(primitive, "extensions");
       if (!attributes.is_object() || !extensions.contains(kSplatExtension)) continue;
-      add(child(child(extensions.at(std::string(kSplatExtension)), "extensions"), std::string(kSpzExtension).c_str()),
-          read);
+      const json& inner = child(extensions.at(std::string(kSplatExtension)), "extensions");
+      layered = layered || (inner.is_object() && inner.contains(kTextureExtension));
+      add(child(inner, std::string(kSpzExtension).c_str()));
       for (const auto& [name, index] : attributes.items()) {
         const bool of_splats = name == "POSITION" || name.starts_with("_TG_") || name.find(':') != name.npos;
         if (!of_splats || !index.is_number_unsigned() || index.get<std::size_t>() >= accessors.size()) continue;
-        addAccessor(accessors[index.get<std::size_t>()], read);
+        const json& accessor = accessors[index.get<std::size_t>()];
+        const json& sparse = member(accessor, "sparse");
+        for (const json* part : {&accessor, &member(sparse, "indices"), &member(sparse, "values")}) add(*part);
       }
     }
   }
-  std::erase_if(found, [&](std::size_t view) { return read.contains(view); });
-  return found;
+  if (layered) {
+    for (const json& image : list(root, "images")) add(image);
+  }
+  for (std::size_t view = 0; view < list(root, "bufferViews").size(); ++view) {
+    if (!read.contains(view)) rest.insert(view);
+  }
+  return rest;
 }
 
 class Resolver {

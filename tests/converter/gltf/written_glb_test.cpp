@@ -150,6 +150,17 @@ TEST_CASE("packed views that no splat needs are no obstacle to reading, and stre
   CHECK(report.errors[0].pointer == "/bufferViews/" + std::to_string(last) + "/extensions/" + codec);
   CHECK_THAT(report.errors[0].message, Contains("the filter COLOR is not supported"));
 
+  // That nothing names, or an image alone where no texture needs one.
+  Glb unnamed = colored;
+  unnamed.accessor("COLOR_0") = Glb(sound).accessor("COLOR_0");
+  CHECK(readModel(scratch.write("unnamed.glb", unnamed.bytes())).model == expected);
+  unnamed.json["images"].push_back({{"bufferView", last}, {"mimeType", "image/png"}});
+  CHECK_THAT(refusal(scratch.write("image.glb", unnamed.bytes())), Contains("the filter COLOR is not supported"));
+  unnamed.splatting().erase("extensions");
+  const GaussianModel base = readModel(scratch.write("image.glb", unnamed.bytes())).model;
+  CHECK(base.texture_mode == TextureMode::none);
+  CHECK(base.mean == expected.mean);
+
   // As many of them as would be more than 4 GiB take no more than the longest.
   Glb many = sound;
   const std::size_t start = many.bin.size(), packed_bytes = std::size_t{1} << 20, elements = packed_bytes * 8;
