@@ -15,6 +15,7 @@
 #include "converter/gltf/gltf_json.h"
 #include "converter/gltf/json_members.h"
 #include "converter/gltf/resolve.h"
+#include "converter/gltf/spz_extension.h"
 #include "core/file/json.h"
 #include "core/system/assert.h"
 
@@ -155,22 +156,30 @@ std::vector<std::string> hollowLayers(const json& root) {
   return found;
 }
 
-std::map<std::string, std::string> wrongNames(const json& root) {
-  std::map<std::string, std::string> found;
+// Notes wrong_types and spz_views of a checked document.
+void noteExtensions(const json& root, GltfDocument& document) {
+  const auto shown = [](const json& value) { return JsonNode{value, "", ""}.shown(); };
   const json& meshes = list(root, "meshes");
   for (std::size_t m = 0; m < meshes.size(); ++m) {
     std::size_t p = 0;
     for (const json& primitive : list(meshes[m], "primitives")) {
-      const std::string pointer = "/meshes/" + std::to_string(m) + "/primitives/" + std::to_string(p++) +
-                                  "/extensions/" + std::string(kSplatExtension);
-      const json& splatting = member(member(primitive, "extensions"), std::string(kSplatExtension).c_str());
+      const std::string at = "/meshes/" + std::to_string(m) + "/primitives/" + std::to_string(p++);
+      const std::string pointer = at + "/extensions/" + std::string(kSplatExtension);
+      const json& extensions = member(primitive, "extensions");
+      if (!extensions.is_object() || !extensions.contains(kSplatExtension)) continue;
+      const json& splatting = extensions[std::string(kSplatExtension)];
+      if (!splatting.is_object()) document.wrong_types.emplace(pointer, shown(splatting));
       for (const char* key : kKhronosNames) {
         if (!splatting.is_object() || !splatting.contains(key) || splatting[key].is_string()) continue;
-        found.emplace(pointer + "/" + key, JsonNode{splatting[key], "", ""}.shown());
+        document.wrong_types.emplace(pointer + "/" + key, shown(splatting[key]));
       }
+      const json& inner = member(splatting, "extensions");
+      if (!inner.is_object() || !inner.contains(kSpzExtension)) continue;
+      const json& spz = inner[std::string(kSpzExtension)];
+      const bool named = spz.is_object() && spz.contains("bufferView");
+      document.spz_views.emplace(at, named ? shown(spz["bufferView"]) : "none");
     }
   }
-  return found;
 }
 
 // What a checked document has that changes how its splats look and is not read.
@@ -219,7 +228,7 @@ GltfDocument load(GltfJson& parsed, std::span<const std::uint8_t> bytes, const s
   if (needsResolving(parsed.root)) parsed.stored = parsed.root;
   check(parsed, bytes, made, path, folder, splats_alone);
   document.hollow_layers = hollowLayers(parsed.root);
-  document.wrong_names = wrongNames(parsed.root);
+  noteExtensions(parsed.root, document);
   document.unread = unreadOf(parsed.root);
   const GltfParts parts = partsOf(bytes, path);
   const bool binary = parts.bin_bytes.value_or(0) > 0;  // else the library wants no container
@@ -262,7 +271,7 @@ GltfDocument openDocument(const std::filesystem::path& path, GltfJson& parsed, b
   }
   checkGltfJson(root, parts, document.path);
   document.hollow_layers = hollowLayers(root);
-  document.wrong_names = wrongNames(root);
+  noteExtensions(root, document);
   document.unread = unreadOf(root);
   parseWithout(document.model, document.path, root, kLeftOut);
   document.bin_offset = parts.bin_offset;

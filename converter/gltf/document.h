@@ -42,8 +42,11 @@ struct GltfDocument {
   std::vector<std::string> mended;  // with the path: errors that do not end reading
   // JSON pointers of texture layers that the library drops without a word: null, {}, and what is no object.
   std::vector<std::string> hollow_layers;
-  // JSON pointers of kKhronosNames that are no strings, of which it drops some as well, and what they are.
-  std::map<std::string, std::string> wrong_names;
+  // JSON pointers of kSplatExtension that is no object and of kKhronosNames that are no strings, of which it drops some
+  // as well, and what they are.
+  std::map<std::string, std::string> wrong_types;
+  // JSON pointers of primitives whose splats are an SPZ, which it drops without a buffer view, and what names that.
+  std::map<std::string, std::string> spz_views;
   std::vector<std::string> unread;  // warnings of what changes how splats look and is not read
   // tgconvert check: errors go here and reading goes on where it can. Null: the first one ends it.
   std::vector<std::string>* errors = nullptr;

@@ -10,6 +10,7 @@
 
 #include "core/system/assert.h"
 #include "core/system/error.h"
+#include "core/system/shortened.h"
 
 #ifdef TG_MESHOPT
 #include <meshoptimizer.h>
@@ -153,11 +154,17 @@ std::vector<std::uint8_t> packMeshopt(std::span<const std::uint8_t> elements, st
 
 std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std::size_t count, std::size_t stride,
                                         std::string_view mode, std::string_view filter, const std::string& path) {
-  const auto fail = [&](const std::string& what) -> Error { return Error(ErrorKind::badData, path, what); };
+  const auto fail = [&](const std::string& what) -> Error { return Error(ErrorKind::badData, path, shortened(what)); };
+  const auto quoted = [](std::string_view text) { return "\"" + std::string(text) + "\""; };
+  const auto wrongStride = [&](const std::string& of, const std::string& expected) -> Error {
+    return fail("wrong \"byteStride\"" + of + expectedFound(expected, std::to_string(stride)));
+  };
   if (mode == "TRIANGLES" || mode == "INDICES") {  // of a mesh beside the splats
-    if (stride != 2 && stride != 4) throw fail("wrong \"byteStride\" of indices (expected 2 or 4)");
-    if (mode == "TRIANGLES" && count % 3 != 0) throw fail("wrong \"count\" of triangles' indices (expected N * 3)");
-    if (filter != "NONE") throw fail("a filter of indices (expected \"NONE\")");
+    if (stride != 2 && stride != 4) throw wrongStride(" of indices", "2 or 4");
+    if (mode == "TRIANGLES" && count % 3 != 0) {
+      throw fail("wrong \"count\" of triangles' indices" + expectedFound("a multiple of 3", std::to_string(count)));
+    }
+    if (filter != "NONE") throw fail("a filter of indices" + expectedFound("\"NONE\"", quoted(filter)));
     std::vector<std::uint8_t> indices(count * stride);
     const int code = mode == "TRIANGLES"
                          ? meshopt_decodeIndexBuffer(indices.data(), count, stride, bytes.data(), bytes.size())
@@ -167,25 +174,26 @@ std::vector<std::uint8_t> unpackMeshopt(std::span<const std::uint8_t> bytes, std
     }
     return indices;
   }
-  if (mode != "ATTRIBUTES") throw fail("unknown \"mode\" (expected \"ATTRIBUTES\", \"TRIANGLES\" or \"INDICES\")");
-  if (stride == 0 || stride % 4 != 0 || stride > 256) {
-    throw fail("wrong \"byteStride\" (expected a multiple of 4 up to 256)");
+  if (mode != "ATTRIBUTES") {
+    throw fail("unknown \"mode\"" + expectedFound("\"ATTRIBUTES\", \"TRIANGLES\" or \"INDICES\"", quoted(mode)));
   }
+  if (stride == 0 || stride % 4 != 0 || stride > 256) throw wrongStride("", "a multiple of 4 up to 256");
   std::vector<std::uint8_t> out(count * stride);
   if (meshopt_decodeVertexBuffer(out.data(), count, stride, bytes.data(), bytes.size()) != 0) {
     throw fail(refusalOf(bytes, kVertexStream, kVertexVersion));
   }
   if (filter == "OCTAHEDRAL") {
-    if (stride != 4 && stride != 8) throw fail("wrong \"byteStride\" for the filter (expected 4 or 8)");
+    if (stride != 4 && stride != 8) throw wrongStride(" for the filter", "4 or 8");
     meshopt_decodeFilterOct(out.data(), count, stride);
   } else if (filter == "QUATERNION") {
-    if (stride != 8) throw fail("wrong \"byteStride\" for the filter (expected 8)");
+    if (stride != 8) throw wrongStride(" for the filter", "8");
     meshopt_decodeFilterQuat(out.data(), count, stride);
   } else if (filter == "EXPONENTIAL") {
     meshopt_decodeFilterExp(out.data(), count, stride);
   } else if (filter != "NONE") {
-    throw fail((filter == "COLOR" ? "the filter COLOR is not supported" : "unknown \"filter\"") +
-               std::string(" (expected NONE, OCTAHEDRAL, QUATERNION or EXPONENTIAL)"));
+    constexpr const char* kFilters = "NONE, OCTAHEDRAL, QUATERNION or EXPONENTIAL";
+    if (filter == "COLOR") throw fail(std::string("the filter COLOR is not supported (expected ") + kFilters + ")");
+    throw fail("unknown \"filter\"" + expectedFound(kFilters, quoted(filter)));
   }
   return out;
 }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <utility>
 
 #include "converter/gltf/axes.h"
@@ -62,15 +63,23 @@ std::optional<RigidScale> decomposeAs(const glm::dmat4& m, const std::string& be
     wrong = "the transform " + what + " (expected " + scale + ", a rotation and a translation)";
     return std::nullopt;
   };
-  const glm::dmat3 linear(m);
+  glm::dmat3 linear(m);
   result.translation = glm::dvec3(m[3]);
-  const double determinant = glm::determinant(linear);
+  double determinant = glm::determinant(linear), unit = 1.0;
+  if (std::abs(determinant) < std::numeric_limits<double>::min()) {  // the product of three lengths may leave doubles
+    double largest = 0.0;
+    for (int k = 0; k < 9; ++k) largest = std::max(largest, std::abs(linear[k / 3][k % 3]));
+    if (largest > 0.0) unit = std::ldexp(1.0, std::ilogb(largest));
+    linear /= unit;
+    determinant = glm::determinant(linear);
+  }
   bool finite = std::isfinite(determinant);
   for (int k = 0; k < 16; ++k) finite = finite && std::isfinite(m[k / 4][k % 4]);
   if (!finite) return fail("is not finite");
   if (!(determinant > 0.0)) return fail("mirrors or flattens");
-  result.scale = std::cbrt(determinant);
-  result.rotation = linear / result.scale;
+  const double scale_in_units = std::cbrt(determinant);
+  result.scale = unit * scale_in_units;
+  result.rotation = linear / scale_in_units;
   const glm::dmat3 product = glm::transpose(result.rotation) * result.rotation;
   for (int k = 0; k < 9; ++k) {
     const double expected = k / 3 == k % 3 ? 1.0 : 0.0;

@@ -141,11 +141,11 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
     return extension.Has(key) && extension.Get(key).IsString() ? extension.Get(key).Get<std::string>() : std::string();
   };
   const auto has = [&](const char* key) {
-    return extension.Has(key) || document.wrong_names.contains(pointer + "/" + key);
+    return extension.Has(key) || document.wrong_types.contains(pointer + "/" + key);
   };
   const auto wrongType = [&](const char* key) {
     return "wrong type of \"" + std::string(key) + "\"" +
-           expectedFound("a string", document.wrong_names.at(pointer + "/" + key));
+           expectedFound("a string", document.wrong_types.at(pointer + "/" + key));
   };
   const auto word = [&](const char* key, const std::string& otherwise) {
     if (!has(key)) return otherwise;
@@ -163,7 +163,7 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
     throw document.bad(splats.pointer + "/mode",
                        "wrong mode for splats (expected 0, POINTS, found " + std::to_string(primitive.mode) + ")");
   });
-  const bool packed = findSpzExtension(extension) != nullptr;
+  const bool packed = document.spz_views.contains(splats.pointer);
   if (packed && !has("kernel")) {
     document.warn(pointer, "no \"kernel\", taken for ellipse: the SPZ draft's files have none");
   }
@@ -175,7 +175,7 @@ void checkSplatExtension(GltfDocument& document, const SplatPrimitive& splats, c
       return;
     }
     if (!has("kernel")) throw document.bad(pointer, "\"kernel\" is missing (expected \"ellipse\")");
-    if (document.wrong_names.contains(pointer + "/kernel")) throw document.bad(pointer, wrongType("kernel"));
+    if (document.wrong_types.contains(pointer + "/kernel")) throw document.bad(pointer, wrongType("kernel"));
     throw document.bad(pointer, "\"kernel\" is not supported (expected \"ellipse\", found \"" + text("kernel") + "\")");
   });
   const std::string encoded = "srgb_rec709_display";
@@ -220,6 +220,10 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
         instance.splats.pointer = "/meshes/" + std::to_string(mesh) + "/primitives/" + std::to_string(p);
         const auto& extensions = instance.splats.primitive->extensions;
         const auto found = extensions.find(std::string(kSplatExtension));
+        const std::string pointer = instance.splats.pointer + "/extensions/" + std::string(kSplatExtension);
+        if (const auto wrong = document.wrong_types.find(pointer); wrong != document.wrong_types.end()) {
+          throw document.bad(pointer, "wrong type" + expectedFound("an object", wrong->second));
+        }
         if (found == extensions.end()) {
           document.warn(instance.splats.pointer, "no " + std::string(kSplatExtension) + ", ignored");
           return;
@@ -242,8 +246,8 @@ std::vector<SplatInstance> findSplats(GltfDocument& document, const std::vector<
         if (accessor.count > kMaxGaussians || total > kMaxGaussians) {
           throw document.bad(instance.splats.pointer, "too many splats" + atMost(kMaxGaussians, total));
         }
-        if (const tinygltf::Value* spz = findSpzExtension(found->second)) {
-          instance.packed = readSpzPrimitive(document, instance.splats, *spz);
+        if (document.spz_views.contains(instance.splats.pointer)) {
+          instance.packed = readSpzPrimitive(document, instance.splats, findSpzExtension(found->second));
           instance.degree = instance.packed->sh_degree;
         } else {
           // Zeros, of which a few bytes of JSON ask for gigabytes.

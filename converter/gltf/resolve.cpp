@@ -14,6 +14,7 @@
 #include "converter/gltf/meshopt.h"
 #include "converter/gltf/spz_extension.h"
 #include "core/file/file.h"
+#include "core/file/json.h"
 #include "core/system/error.h"
 
 namespace tg {
@@ -244,9 +245,10 @@ class Resolver {
       fail(place, "more than the stream can hold (found " + std::to_string(count) + " elements of " +
                       std::to_string(stride) + " bytes in " + std::to_string(bytes) + ")");
     }
-    const auto text = [&](const char* key, const char* otherwise) {
-      return packed.contains(key) && packed.at(key).is_string() ? packed.at(key).get<std::string>()
-                                                                : std::string(otherwise);
+    const auto text = [&](const char* key, std::optional<std::string> otherwise) -> std::string {
+      if (!packed.contains(key) && otherwise) return *otherwise;
+      const JsonNode node{packed, path_, place};
+      return node.at(key).string();
     };
     const std::uint64_t length = number(view, "byteLength", std::nullopt, pointer);
     if (length != count * stride) {
@@ -260,7 +262,7 @@ class Resolver {
       const std::vector<std::uint8_t> from(bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset),
                                            bin_.begin() + static_cast<std::ptrdiff_t>(source.offset + offset + bytes));
       view["byteOffset"] = append(unpackMeshopt(from, static_cast<std::size_t>(count), static_cast<std::size_t>(stride),
-                                                text("mode", ""), text("filter", "NONE"), path_ + ": " + place));
+                                                text("mode", {}), text("filter", "NONE"), path_ + ": " + place));
     }
     view["extensions"].erase(codec);
   }

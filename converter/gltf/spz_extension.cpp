@@ -30,15 +30,16 @@ const tinygltf::Value* findSpzExtension(const tinygltf::Value& splatting) {
   return &splatting.Get("extensions").Get(name);
 }
 
-GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& splats, const tinygltf::Value& extension) {
+GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& splats, const tinygltf::Value* extension) {
   const std::string pointer =
       splats.pointer + "/extensions/" + std::string(kSplatExtension) + "/extensions/" + std::string(kSpzExtension);
   const auto& views = document.model.bufferViews;
-  const bool is_index = extension.IsObject() && extension.Has("bufferView") && extension.Get("bufferView").IsInt();
-  const int index = is_index ? extension.Get("bufferView").GetNumberAsInt() : -1;
+  const bool is_index = extension && extension->Has("bufferView") && extension->Get("bufferView").IsInt();
+  const int index = is_index ? extension->Get("bufferView").GetNumberAsInt() : -1;
   if (index < 0 || static_cast<std::size_t>(index) >= views.size()) {
     throw document.bad(
-        pointer, "\"bufferView\" names no buffer view (expected an index below " + std::to_string(views.size()) + ")");
+        pointer, "\"bufferView\" names no buffer view" + expectedFound("an index below " + std::to_string(views.size()),
+                                                                       document.spz_views.at(splats.pointer)));
   }
   const tinygltf::BufferView& view = views[static_cast<std::size_t>(index)];
   std::vector<std::uint8_t> bytes(view.byteLength);

@@ -15,7 +15,8 @@ const tinygltf::Value* findSpzExtension(const tinygltf::Value& splatting);
 
 // The splats in glTF's axes (rotations w, x, y, z): SPZ's x right, y up, z backward turned half around y, as the draft
 // asks for. `splats.count` is POSITION's. Throws Error(badData) at a JSON pointer for a view that is not there, for
-// what is no SPZ, and where the counts differ.
-GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& splats, const tinygltf::Value& extension);
+// what is no SPZ, and where the counts differ. The document names the primitive's view; `extension`: null where the
+// library has dropped it.
+GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& splats, const tinygltf::Value* extension);
 
 }  // namespace tg

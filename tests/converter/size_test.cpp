@@ -229,8 +229,15 @@ TEST_CASE("integers and packed attributes cost what they are said to cost") {
   const std::string place = "/bufferViews/0/extensions/EXT_meshopt_compression: ";
   CHECK(refused([](auto& view, Glb&) { view["count"] = 1u << 30; }).find(place + "more than the stream can hold") == 0);
   CHECK(refused([](auto& view, Glb&) { view["byteLength"] = 1u << 30; }).find(place + "leaves its buffer") == 0);
-  CHECK(refused([](auto& view, Glb&) { view["mode"] = "POINTS"; }).find(place + "unknown \"mode\"") == 0);
-  CHECK(refused([](auto& view, Glb&) { view["filter"] = "NEW"; }).find(place + "unknown \"filter\"") == 0);
+  CHECK(refused([](auto& view, Glb&) { view["mode"] = "POINTS"; }) ==
+        place + "unknown \"mode\" (expected \"ATTRIBUTES\", \"TRIANGLES\" or \"INDICES\", found \"POINTS\")");
+  CHECK(refused([](auto& view, Glb&) { view.erase("mode"); }) == place + "\"mode\" is missing");
+  CHECK(refused([](auto& view, Glb&) { view["filter"] = "NEW"; }) ==
+        place + "unknown \"filter\" (expected NONE, OCTAHEDRAL, QUATERNION or EXPONENTIAL, found \"NEW\")");
+  for (const std::string key : {"mode", "filter"}) {
+    CHECK(refused([&](auto& view, Glb&) { view[key] = 5; }) ==
+          place.substr(0, place.size() - 2) + "/" + key + ": wrong type (expected a string, found 5)");
+  }
   CHECK(refused([](auto& view, Glb& g) { g.bin[view["byteOffset"].template get<std::size_t>()] = 0; }) ==
         place + "the packed stream is broken");
   CHECK(refused([](auto& view, Glb&) { view["buffer"] = 1; }).find(place + "the packed bytes are in no file") == 0);
@@ -246,9 +253,16 @@ TEST_CASE("a mesh's packed indices are unpacked beside the splats") {
   CHECK(unpack(3, 2, "INDICES", "NONE") == std::vector<std::uint8_t>{0, 0, 1, 0, 2, 0});
   CHECK_THROWS_WITH(unpack(30, 2, "INDICES", "NONE"), "p: the packed stream is broken");
   CHECK_THROWS_WITH(unpack(3, 2, "TRIANGLES", "NONE"), "p: the packed stream is broken");
-  CHECK_THROWS_WITH(unpack(4, 2, "TRIANGLES", "NONE"), Contains("expected N * 3"));
-  CHECK_THROWS_WITH(unpack(3, 3, "INDICES", "NONE"), Contains("expected 2 or 4"));
-  CHECK_THROWS_WITH(unpack(3, 2, "INDICES", "EXPONENTIAL"), Contains("a filter of indices"));
+  CHECK_THROWS_WITH(unpack(4, 2, "TRIANGLES", "NONE"), Contains("(expected a multiple of 3, found 4)"));
+  CHECK_THROWS_WITH(unpack(3, 3, "INDICES", "NONE"), Contains("of indices (expected 2 or 4, found 3)"));
+  CHECK_THROWS_WITH(unpack(3, 2, "INDICES", "EXPONENTIAL"),
+                    Contains("a filter of indices (expected \"NONE\", found \"EXPONENTIAL\")"));
+  CHECK_THROWS_WITH(unpack(1, 6, "ATTRIBUTES", "NONE"), Contains("(expected a multiple of 4 up to 256, found 6)"));
+  const std::vector<std::uint8_t> vertices = packMeshopt(std::vector<std::uint8_t>(12 * 3, 7), 12);
+  for (const auto& [filter, expected] : {std::pair{"OCTAHEDRAL", "4 or 8"}, {"QUATERNION", "8"}}) {
+    CHECK_THROWS_WITH(unpackMeshopt(vertices, 3, 12, "ATTRIBUTES", filter, "p"),
+                      Contains("for the filter (expected " + std::string(expected) + ", found 12)"));
+  }
 }
 
 TEST_CASE("a .gltf with its files is the model of the GLB, and reads nothing but files beside it") {

@@ -26,6 +26,7 @@ namespace {
 const std::string kKhr = "KHR_gaussian_splatting:";
 const std::string kTg = "TG_gaussian_splatting_texture:";
 const std::string kPrimitive = "/meshes/0/primitives/0";
+const std::string kSpz = "KHR_gaussian_splatting_compression_spz_2";
 
 GaussianModel smallModel() { return test::makeScene(SceneKind::ordinary, 31, 12).model; }
 
@@ -427,6 +428,11 @@ TEST_CASE("every broken promise has its message, with the place, what was expect
   const auto attribute = [](const std::string& name) { return kPrimitive + "/attributes/" + name; };
   const std::string extension =
       kPrimitive + "/extensions/KHR_gaussian_splatting/extensions/TG_gaussian_splatting_texture";
+  const std::string views = std::to_string(smallGlb(scratch).json["bufferViews"].size());
+  const auto noView = [&](const std::string& found) {
+    return "/extensions/" + kSpz + ": \"bufferView\" names no buffer view (expected an index below " + views +
+           ", found " + found + ")";
+  };
   const std::vector<std::pair<Change, std::string>> cases = {
       // The document.
       {[](Glb& g) { g.json["asset"]["version"] = "1.0"; }, "/asset/version: another version of glTF (expected 2.x"},
@@ -500,12 +506,21 @@ TEST_CASE("every broken promise has its message, with the place, what was expect
       {[](Glb& g) { g.primitive()["attributes"]["_ROTATION"] = 1; }, "a pre-release draft of KHR_gaussian_splatting"},
       {[](Glb& g) { g.splatting()["extensions"]["KHR_gaussian_splatting_compression_lgsc"] = {{"bufferView", 0}}; },
        "this compression of splats is not supported (KHR_gaussian_splatting_compression_spz_2 is)"},
-      {[](Glb& g) { g.splatting()["extensions"]["KHR_gaussian_splatting_compression_spz_2"] = {{"bufferView", 0}}; },
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", 0}}; },
        "/KHR_gaussian_splatting_compression_spz_2: SPZ: the header does not start with NGSP"},
-      {[](Glb& g) { g.splatting()["extensions"]["KHR_gaussian_splatting_compression_spz_2"] = {{"bufferView", 99}}; },
-       "/KHR_gaussian_splatting_compression_spz_2: \"bufferView\" names no buffer view (expected an index below "},
-      {[](Glb& g) { g.splatting()["extensions"]["KHR_gaussian_splatting_compression_spz_2"] = 3; },
-       "\"bufferView\" names no buffer view"},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", 99}}; }, noView("99")},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", "0"}}; }, noView("\"0\"")},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", nullptr}}; }, noView("null")},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", nlohmann::json::object()}}; }, noView("{}")},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = nlohmann::json::object(); }, noView("none")},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = nullptr; }, noView("none")},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = 3; }, noView("none")},
+      {[](Glb& g) { g.splatting() = nullptr; },
+       kPrimitive + "/extensions/KHR_gaussian_splatting: wrong type (expected an object, found null)"},
+      {[](Glb& g) { g.splatting() = nlohmann::json::array(); },
+       kPrimitive + "/extensions/KHR_gaussian_splatting: wrong type (expected an object, found [])"},
+      {[](Glb& g) { g.splatting() = 5; },
+       kPrimitive + "/extensions/KHR_gaussian_splatting: wrong type (expected an object, found 5)"},
       {[](Glb& g) { g.json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0}}; },
        "/bufferViews/0/extensions/EXT_meshopt_compression: \"byteLength\" is missing"},
       // The texture layer.

@@ -165,6 +165,12 @@ TEST_CASE("content of a tile stands where the transforms of the tiles above it p
     CHECK(test::messageOf([&] { read(transform, none); }) == file + ": /root/" + expected);
     CHECK(test::messageOf([&] { read(none, transform); }) == file + ": /root/children/0/" + expected);
   };
+  // So small that the product of its three lengths is no number.
+  CHECK(read("[1e-120, 0, 0, 0, 0, 1e-120, 0, 0, 0, 0, 1e-120, 0, 0, 0, 4, 1]", none).model.mean ==
+        std::vector<glm::vec3>(content.size(), glm::vec3(0, -4, 0)));
+  refused("[1e-120, 0, 0, 0, 0, 1e-120, 0, 0, 0, 0, -1e-120, 0, 0, 0, 0, 1]", "mirrors or flattens");
+  refused("[1e-120, 0, 0, 0, 0, 1e-120, 0, 0, 0, 0, 1e-121, 0, 0, 0, 0, 1]", "shears or stretches");
+  refused("[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1]", "mirrors or flattens");
   refused("[1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", "shears or stretches");
   refused("[1e200, 0, 0, 0, 0, 1e200, 0, 0, 0, 0, 1e200, 0, 0, 0, 0, 1]", "is not finite");
   refused("[1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]", "is projective");
