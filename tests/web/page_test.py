@@ -309,6 +309,20 @@ def on_a_phone(browser, page):
     before = browser.evaluate(distance)
     browser.touch([(180, 400), (160, 380), (120, 340)], [(220, 440), (240, 460), (280, 500)])
     expect("two come nearer", browser.evaluate(distance) < 0.6 * before)
+
+    browser.page("Emulation.setDeviceMetricsOverride", width=390, height=780, deviceScaleFactor=1, mobile=True)
+    enlarged = "visualViewport.scale"
+    tap("#toggle")
+    until(browser, f"!{hidden}", 5)
+    browser.touch([(100 - 3 * k, 250) for k in range(11)], [(200 + 3 * k, 250) for k in range(11)])
+    expect("on the panel two enlarge the page", until(browser, f"{enlarged} > 1.2", 5), browser.evaluate(enlarged))
+    browser.evaluate("document.getElementById('panel').hidden = true")
+    browser.touch([(60 + 11 * k, 600) for k in range(11)], [(330 - 11 * k, 600) for k in range(11)])
+    expect("and on the picture two make it as large as it was", until(browser, f"{enlarged} === 1", 5),
+           browser.evaluate(enlarged))
+    before = browser.evaluate(distance)
+    browser.touch([(60 + 11 * k, 600) for k in range(11)], [(330 - 11 * k, 600) for k in range(11)])
+    expect("where they zoom again", until(browser, f"{distance} > 1.5 * {before}", 5), browser.evaluate(distance))
     browser.fingers(0)
 
 

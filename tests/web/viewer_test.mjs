@@ -21,7 +21,9 @@ globalThis.requestAnimationFrame = (call) => {
 };
 const queries = [];  // of the screen
 const context = {drawImage() {}};
-globalThis.document = {hidden: false, createElement: () => ({getContext: () => context})};
+globalThis.document = {hidden: false, createElement: () => ({getContext: () => context}),
+                       documentElement: {clientWidth: 390}};
+globalThis.visualViewport = Object.assign(new EventTarget(), {width: 390});
 globalThis.window = {
   devicePixelRatio: 1,
   matchMedia(media) {
@@ -251,6 +253,37 @@ window.devicePixelRatio = 1;
   listenToHands(viewer);
   dispose(viewer);
   expect('hands of a viewer that was disposed of', left(viewer) === own, left(viewer));
+}
+
+// A page that fingers have enlarged can be made smaller on the picture, too.
+{
+  const viewer = await makeViewer(), {canvas} = viewer;
+  const stop = listenToHands(viewer);
+  const enlarge = (times) => {
+    visualViewport.width = 390 / times;
+    visualViewport.dispatchEvent(new Event('resize'));
+  };
+  const pinchIsTaken = () => {
+    let taken = false;
+    canvas.listeners.wheel({deltaY: 5, deltaMode: 0, ctrlKey: true, cancelable: true,
+                            preventDefault: () => { taken = true; }});
+    return taken;
+  };
+  expect('a pinch', pinchIsTaken() && !canvas.style.touchAction, canvas.style);
+  enlarge(2);
+  expect('fingers on a page that is enlarged', canvas.style.touchAction === 'pinch-zoom', canvas.style);
+  expect('a pinch of a trackpad there', !pinchIsTaken(), 'taken');
+  enlarge(1);
+  expect('on one that is so no more', pinchIsTaken() && !canvas.style.touchAction, canvas.style);
+  enlarge(2);
+  stop();
+  listenToHands(viewer);
+  expect('hands that are listened to there', canvas.style.touchAction === 'pinch-zoom', canvas.style);
+  enlarge(1);
+  dispose(viewer);
+  enlarge(2);
+  expect('a viewer that was disposed of there', !canvas.style.touchAction, canvas.style);
+  enlarge(1);
 }
 
 // What there is not is told, and the view stays.

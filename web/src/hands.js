@@ -6,6 +6,11 @@ const STEP = 0.05;                // of the picture's height, of an arrow key wi
 const ZOOM = 1.1;
 const ARROWS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
+// Whether fingers have enlarged the page: its reader may see the canvas alone.
+function pageIsEnlarged() {
+  return visualViewport.width < 0.99 * document.documentElement.clientWidth;
+}
+
 // Until the function that it returns is called, or the viewer is disposed of.
 export function listenToHands(viewer) {
   const {canvas} = viewer;
@@ -24,6 +29,10 @@ export function listenToHands(viewer) {
     viewer.moved();
     viewer.changed(true);
   };
+  // Two fingers are the page's while it is enlarged: else there may be no way back.
+  const shareFingers = () => { canvas.style.touchAction = pageIsEnlarged() ? 'pinch-zoom' : ''; };
+  visualViewport.addEventListener('resize', shareFingers, {signal: end.signal});
+  shareFingers();
   listen('pointerdown', (event) => {
     if (event.isPrimary) pointers.clear();  // of those that are left the end has not come
     canvas.setPointerCapture(event.pointerId);
@@ -54,7 +63,7 @@ export function listenToHands(viewer) {
   listen('contextmenu', (event) => event.preventDefault());
   listen('wheel', (event) => {
     // Where there is nothing to zoom the page scrolls. A gesture that began so cannot be taken later.
-    if (!viewer.model || !event.cancelable) return;
+    if (!viewer.model || !event.cancelable || (event.ctrlKey && pageIsEnlarged())) return;
     event.preventDefault();
     if (event.deltaY === 0) return;
     // A pinch on a trackpad comes as a wheel with Ctrl, in steps of a few pixels.
