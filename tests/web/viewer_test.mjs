@@ -244,6 +244,17 @@ window.devicePixelRatio = 1;
   expect('a swipe to the side during a flight', turn(viewer, 0) && viewer.playing, viewer.playing);
   expect('a wheel of a gesture that the page has', !turn(viewer, 100, false) && viewer.playing, viewer.playing);
   expect('a wheel', turn(viewer, 100) && !viewer.playing, viewer.playing);
+  const far = viewer.orbit.distance;
+  turn(viewer, -1200);  // as browsers join twelve of them
+  for (let notch = 0; notch < 12; ++notch) turn(viewer, 100);
+  const share = viewer.orbit.distance / far;
+  expect('a wheel turned there and back', Math.abs(share - 1) < 1e-6, share);
+  const scrolls = (button) => {
+    let scrolled = true;
+    viewer.canvas.listeners.mousedown({button, preventDefault: () => { scrolled = false; }});
+    return scrolled;
+  };
+  expect('a middle button, which scrolls pages', scrolls(0) && !scrolls(1) && scrolls(2), [0, 1, 2].map(scrolls));
   const own = Object.keys((await makeViewer()).canvas.listeners).join();
   const left = ({canvas}) => Object.keys(canvas.listeners).join();
   const stop = listenToHands(viewer);

@@ -4,6 +4,7 @@
 const TURN = 0.09;                // [rad] an arrow key
 const STEP = 0.05;                // of the picture's height, of an arrow key with Shift
 const ZOOM = 1.1;
+const MOST_PIXELS = 4000;         // of a wheel's event, which in a slow frame stands for many
 const ARROWS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
 // Whether fingers have enlarged the page: its reader may see the canvas alone.
@@ -61,6 +62,9 @@ export function listenToHands(viewer) {
     listen(name, (event) => pointers.delete(event.pointerId));
   }
   listen('contextmenu', (event) => event.preventDefault());
+  listen('mousedown', (event) => {
+    if (event.button === 1) event.preventDefault();  // by which browsers begin to scroll the page
+  });
   listen('wheel', (event) => {
     // Where there is nothing to zoom the page scrolls. A gesture that began so cannot be taken later.
     if (!viewer.model || !event.cancelable || (event.ctrlKey && pageIsEnlarged())) return;
@@ -68,7 +72,7 @@ export function listenToHands(viewer) {
     if (event.deltaY === 0) return;
     // A pinch on a trackpad comes as a wheel with Ctrl, in steps of a few pixels.
     const pixels = event.deltaY * (event.deltaMode === 0 ? 1 : 16) * (event.ctrlKey ? 8 : 1);
-    viewer.orbit.dolly(Math.exp(0.0015 * Math.max(-300, Math.min(300, pixels))));
+    viewer.orbit.dolly(Math.exp(0.0015 * Math.max(-MOST_PIXELS, Math.min(MOST_PIXELS, pixels))));
     moved();
   }, {passive: false});
   return stop;
