@@ -122,6 +122,11 @@ expect('some are read and some refused', read > 0 && refused > 50, `${read} and 
   }
   if (byteStride === undefined) delete view.byteStride;
   else view.byteStride = byteStride;
+  for (const mode of [4, undefined, null, '0']) {
+    const said = await readModel(fileOf([first, {...second, mode}])).then(() => 'read', (error) => error.message);
+    const expected = `expected 0, POINTS, found ${JSON.stringify(mode === undefined ? 4 : mode)}`;
+    expect(`splats of mode ${mode}`, said === `/meshes/0/primitives/1/mode: wrong mode for splats (${expected})`, said);
+  }
   // Logarithms of the first release candidate: where half of the splats have one below 0.
   const kept = [first, second].map(({attributes}) => attributes['KHR_gaussian_splatting:SCALE']);
   for (const {attributes} of [first, second]) attributes['KHR_gaussian_splatting:SCALE'] = attributes.POSITION;

@@ -141,8 +141,14 @@ async function placedNodes(file) {
 function findSplats(file, nodes) {
   const found = [];
   for (const placed of nodes) {
-    for (const primitive of listOf(Object(file.list('meshes')[placed.node.mesh]).primitives)) {
-      if (primitive && primitive.extensions && primitive.extensions[SPLATS]) found.push({placed, primitive});
+    for (const [k, primitive] of listOf(Object(file.list('meshes')[placed.node.mesh]).primitives).entries()) {
+      if (!(primitive && primitive.extensions && primitive.extensions[SPLATS])) continue;
+      const {mode = 4} = primitive;
+      if (mode !== 0) {
+        const where = `/meshes/${placed.node.mesh}/primitives/${k}/mode`;
+        throw new Error(`${where}: wrong mode for splats (expected 0, POINTS, found ${JSON.stringify(mode)})`);
+      }
+      found.push({placed, primitive});
     }
   }
   if (found.length === 0) throw new Error(`the scene holds no splats (expected a primitive with ${SPLATS})`);
