@@ -3,6 +3,7 @@
 import {fetchBytes} from './fetch.js';
 import {listenToHands, moveByKey} from './hands.js';
 import {readFrom} from './model.js';
+import {wholeNumber} from './names.js';
 import {Viewer} from './viewer.js';
 
 const MOST_CONTEXTS = 8;  // at a time on a page: beyond 16 browsers take the oldest one away, phones beyond 8
@@ -134,7 +135,7 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
     const {signal} = this.stop;
     try {
       const onProgress = (loaded, total) => this.progress(loaded, total);
-      const splatBudget = Number(this.getAttribute('splat-budget')) || undefined;
+      const splatBudget = wholeNumber(this.getAttribute('splat-budget')) || undefined;
       const model = await readFrom(address, await fetchBytes(address, {signal, onProgress}), {signal, splatBudget});
       if (signal.aborted) return;
       this.loaded = {address, model};

@@ -4,7 +4,7 @@ import {Orbit, NEAR, add, dot, fitted} from './camera.js';
 import {Flight} from './flight.js';
 import {INTERSECTIONS, OUTSIDES} from './glb.js';
 import {noSuchCamera} from './matrices.js';
-import {valueNamed} from './names.js';
+import {valueNamed, wholeNumber} from './names.js';
 import {SHOW, SplatRenderer} from './renderer.js';
 import {Splats, TEXTURE_CHOICES} from './splats.js';
 import {formatView, parseView} from './view_text.js';
@@ -483,7 +483,7 @@ export class Viewer {
 
   // Gaussians that a scene with levels may have drawn; other models are drawn whole.
   setBudget(wanted) {
-    const budget = wanted === '' ? NaN : Number(wanted);
+    const budget = wholeNumber(wanted);
     if (!(Number.isInteger(budget) && budget > 0)) {
       throw new Error(`splat-budget=${wanted} (expected a number of Gaussians)`);
     }
@@ -497,7 +497,7 @@ export class Viewer {
   }
 
   setSize(text) {
-    const size = text === 'window' ? null : String(text).split('x').map(Number);
+    const size = text === 'window' ? null : String(text).split('x').map(wholeNumber);
     if (size && !(size.length === 2 && size.every((n) => Number.isInteger(n) && n > 0 && n <= MAX_FIXED_SIDE))) {
       throw new Error(`size=${text} (expected WxH, 1 to ${MAX_FIXED_SIDE} pixels each, or window)`);
     }
@@ -527,7 +527,7 @@ export class Viewer {
       return;
     }
     const {cameras} = this.model;
-    const index = wanted === '' || wanted === null ? NaN : Number(wanted);
+    const index = wholeNumber(wanted);
     if (!cameras[index]) {
       const expected = cameras.length > 0 ? `0 to ${cameras.length - 1}` : 'none: the model has no cameras';
       throw new Error(`camera=${wanted} (expected ${expected})`);
@@ -539,7 +539,7 @@ export class Viewer {
     this.requireModel();
     const {views} = this.model;
     const named = views.findIndex(({name}) => name === wanted);
-    const index = named >= 0 ? named : wanted === '' ? NaN : Number(wanted);
+    const index = named >= 0 ? named : wholeNumber(wanted);
     if (views[index]) {
       this.jumpToView(index);
       return;

@@ -170,7 +170,7 @@ async function startViewer() {
     const viewer = openViewer();
     showLoading(SHARES.come);
     const streamed = streamedAddress();
-    const splatBudget = Number(new URLSearchParams(location.search).get('splat-budget')) || undefined;
+    const splatBudget = wholeNumber(new URLSearchParams(location.search).get('splat-budget')) || undefined;
     const model = streamed ? await loadModel(streamed, {splatBudget}) : await readPayload();
     showLoading(SHARES.read);
     await viewer.open(model);
