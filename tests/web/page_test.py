@@ -154,7 +154,14 @@ def at_a_desk(browser, page):
     pressed = {ground for state, ground in grounds if state == "true"}
     expect("in colours of the system's own a pressed button is told from others",
            len(pressed) == 1 and pressed.isdisjoint({ground for state, ground in grounds if state == "false"}), grounds)
-    browser.page("Emulation.setEmulatedMedia", features=[])
+    browser.page("Emulation.setEmulatedMedia", media="print", features=[])
+    keep(browser, "print")
+    printed = browser.evaluate("[...document.querySelectorAll('body *')].filter((e) => e.offsetHeight > 0)"
+                               ".map((e) => e.id).concat(getComputedStyle(document.body).backgroundColor,"
+                               " getComputedStyle(document.getElementById('picture')).objectFit)")
+    expect("on paper the picture is alone, and of its own shape",
+           printed == ["stage", "picture", "rgb(255, 255, 255)", "contain"], printed)
+    browser.page("Emulation.setEmulatedMedia", media="", features=[])
     browser.evaluate("document.activeElement.blur()")
     browser.press("1")
     expect("1 is the final picture again", browser.evaluate("tgViewer.settings.show") == "final")
