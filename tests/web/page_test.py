@@ -379,6 +379,24 @@ def in_frames(browser, folder):
     expect("without an error", not browser.log, browser.log[:3])
 
 
+def drop(browser, *files):
+    data = dict(items=[], files=[str(file) for file in files], dragOperationsMask=1)
+    for kind in ("dragEnter", "dragOver", "drop"):
+        browser.page("Input.dispatchDragEvent", type=kind, x=400, y=300, data=data)
+
+
+def dropped(browser, page, file):
+    browser.page("Page.navigate", url="about:blank")
+    browser.open(page, 640, 480)
+    words = "document.getElementById('message').firstElementChild.textContent"
+    drop(browser, file)
+    expect("a dropped file is opened, and named by the tab", until(browser, f"document.title === '{file.name}'", 30),
+           browser.evaluate(f"[document.title, {words}]"))
+    browser.press("c")
+    expect("no link leads to it", until(browser, f"{words}.startsWith('No link: ')", 5) and
+           browser.evaluate("location.hash") == "", browser.evaluate(f"[location.hash, {words}]"))
+
+
 def device_lost(browser, page, size):
     """The page without its device: while it loads, afterwards, and for long."""
     whole = f"{page}?size={size}"
@@ -474,6 +492,8 @@ def main():
         at_a_desk(browser, page)
         on_a_phone(browser, page)
         device_lost(browser, page, "160x160")
+        run(programs / "tgconvert", model, folder / "other.glb", "--quiet")
+        dropped(browser, page, folder / "other.glb")
         in_frames(browser, folder)
         clouds.write(folder / "cloud.ply")
         run(programs / "tgconvert", folder / "cloud.ply", folder / "cloud.html", "--quiet")

@@ -119,7 +119,8 @@ function listenToDrops(viewer, panel) {
       await viewer.open(model);
       if (own !== drops) return;
       showMessage(viewer.model.notes.join(' '), 'note');
-      panel.name = file.name;
+      panel.name = document.title = file.name;
+      panel.fromAddress = false;
       panel.fill();
     } catch (error) {
       if (own === drops) showMessage(`${file.name}: ${error.message}`);

@@ -77,6 +77,7 @@ class Panel {
     this.viewer = viewer;
     this.name = name;
     this.hasBar = true;
+    this.fromAddress = true;  // else the page's address leads to another model
     this.linked = null;  // what the last link leads to, while a word says so
     element('toggle').onclick = () => this.open(element('panel').hidden);
     element('play').onclick = () => this.play();
@@ -190,6 +191,10 @@ class Panel {
   // The address of this page with all that, and in the clipboard without what only its reader is to have. Of a frame
   // nobody sees the address.
   async link() {
+    if (!this.fromAddress) {
+      showMessage('No link: this model was dropped on the page, which an address cannot name.', 'note');
+      return;
+    }
     if (!HAS_ADDRESS) {
       showMessage('This page has no address of its own that a link could lead to.', 'note');
       return;
