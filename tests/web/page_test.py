@@ -166,6 +166,20 @@ def at_a_desk(browser, page):
     browser.press("1")
     expect("1 is the final picture again", browser.evaluate("tgViewer.settings.show") == "final")
 
+    # A list that was opened by pointer, and by keyboard; headless there is no popup to pick from.
+    for begins, where in (("pointerdown", "picture"), ("keydown", "camera")):
+        at = browser.evaluate(f"""(() => {{
+          const list = document.getElementById('camera');
+          list.focus();
+          list.dispatchEvent(new Event('pointerdown'));
+          list.dispatchEvent(new Event('{begins}'));
+          list.value = '{first}';
+          list.dispatchEvent(new Event('change'));
+          return [document.activeElement.id, tgViewer.cameraIndex];
+        }})()""")
+        expect(f"a camera that is picked after a {begins} leaves the keys to the {where}", at == [where, first], at)
+    browser.evaluate("document.activeElement.blur()")
+
     eye = "tgViewer.orbit.camera.eye.map((x) => x.toFixed(4)).join()"
     for key in ("ArrowLeft", "+", "-", "ArrowUp"):
         before = browser.evaluate(eye)
