@@ -323,6 +323,9 @@ def on_a_phone(browser, page):
     expect("the bad address is named", not browser.evaluate(told))
     tap("#message button")
     expect("and its note goes with a tap", until(browser, told, 5))
+    browser.evaluate("showMessage('long '.repeat(2000), 'note')")
+    tap("#message button")
+    expect("a long one goes, too", until(browser, told, 5), browser.middle("#message button"))
     eye, distance = "tgViewer.orbit.camera.eye.join()", "tgViewer.orbit.distance"
     before = browser.evaluate(eye)
     browser.touch([(200, 500), (230, 510), (260, 520)])
