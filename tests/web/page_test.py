@@ -406,9 +406,20 @@ def dropped(browser, page, file):
     browser.page("Page.navigate", url="about:blank")
     browser.open(page, 640, 480)
     words = "document.getElementById('message').firstElementChild.textContent"
+    told = lambda text: until(browser, f"{words} === {json.dumps(text)}", 5)
+    drop(browser, file.parent)
+    expect("a dropped folder is told", told(f"{file.parent.name}: a folder (expected a .glb or .sog)"),
+           browser.evaluate(words))
+    drop(browser, file, file)
+    expect("so are two files at once", told(f"{file.name}: and 1 more at once (expected one .glb or .sog)"),
+           browser.evaluate(words))
+    browser.evaluate("(window.bar = [], new MutationObserver(() => bar.push(document.getElementById('loading').hidden))"
+                     ".observe(document.getElementById('loading'), {attributes: true}), 0)")
     drop(browser, file)
     expect("a dropped file is opened, and named by the tab", until(browser, f"document.title === '{file.name}'", 30),
            browser.evaluate(f"[document.title, {words}]"))
+    bar = browser.evaluate("[bar[0], bar.at(-1)]")
+    expect("and a bar shows that it is read", bar == [False, True], bar)
     browser.press("c")
     expect("no link leads to it", until(browser, f"{words}.startsWith('No link: ')", 5) and
            browser.evaluate("location.hash") == "", browser.evaluate(f"[location.hash, {words}]"))

@@ -109,13 +109,18 @@ async function readPayload() {
 function listenToDrops(viewer, panel) {
   let drops = 0;
   addEventListener('drop', async (event) => {
-    const [file] = event.dataTransfer.files;
+    const {files, items} = event.dataTransfer, [file] = files;
     if (!file) return;
+    const [entry] = [...items].map((item) => item.webkitGetAsEntry()).filter(Boolean);  // none once the event is over
     const own = ++drops;
     showMessage('');
     try {
+      if (files.length > 1) throw new Error(`and ${files.length - 1} more at once (expected one .glb or .sog)`);
+      if (entry && entry.isDirectory) throw new Error('a folder (expected a .glb or .sog)');
+      showLoading(SHARES.come);
       const model = await readModel(new Uint8Array(await file.arrayBuffer()));
       if (own !== drops) return;  // a later one is wanted
+      showLoading(SHARES.read);
       await viewer.open(model);
       if (own !== drops) return;
       showMessage(viewer.model.notes.join(' '), 'note');
@@ -124,6 +129,8 @@ function listenToDrops(viewer, panel) {
       panel.fill();
     } catch (error) {
       if (own === drops) showMessage(`${file.name}: ${error.message}`);
+    } finally {
+      if (own === drops) showLoading(1);
     }
   });
 }
