@@ -611,6 +611,14 @@ def main():
             e.offsetHeight > 0).map((e) => e.id + e.role).join()"""
         expect("one whose scripts are forbidden says so alone", until(browser, f"({seen}) === 'barredalert'"),
                browser.evaluate(seen))
+        policy = "default-src 'none'; script-src 'unsafe-inline'; worker-src blob:"
+        plain = SlowServer(cut, headers=[("Content-Security-Policy", policy)])
+        plain.go.set()
+        found = browser.open(plain.address)
+        said = browser.evaluate("document.body.innerText")
+        words = [word for word in ("This page has not come", "The scripts of this page") if word in said]
+        expect("one whose styles alone are forbidden shows its model without a word of that",
+               found.get("gaussians", 0) > 0 and not words, (found, words))
         short = SlowServer(cut[:len(cut) // 2])
         short.go.set()
         found = browser.open(short.address)

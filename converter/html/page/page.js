@@ -25,7 +25,7 @@ function cutOff(come, total) {
 
 // While the model, `total` characters, comes. Browsers do not say that a connection broke.
 function watchLoading(total) {
-  document.documentElement.classList.add('runs');
+  for (const id of ['cut', 'barred']) element(id).remove();  // also where styles, which hide them, are forbidden
   let before = -1, since = 0, told = false;
   watching = setInterval(() => {
     let come = 0;
