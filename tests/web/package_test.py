@@ -164,8 +164,12 @@ def show_element(browser, address, references):
     names = browser.pictures_told()
     expect("and is a picture to screen readers", "a fox" in names and len(names) == 2, names)
     browser.evaluate("named.canvas.focus({focusVisible: true})")
-    ring = browser.evaluate("getComputedStyle(named.canvas).outlineStyle")
-    expect("that shows where the keyboard is", ring == "solid", ring)
+    rings = browser.evaluate("[getComputedStyle(named.canvas).outlineStyle,"
+                             " getComputedStyle(named.shadowRoot.querySelector('i')).display]")
+    expect("that shows where the keyboard is, by a light ring and a dark one", rings == ["solid", "block"], rings)
+    browser.evaluate("named.canvas.blur()")
+    dark = browser.evaluate("getComputedStyle(named.shadowRoot.querySelector('i')).display")
+    expect("and that it is not", dark == "none", dark)
     browser.evaluate("named.remove()")
     # An element of a fixed size on another screen; Chromium says nothing of one that is as wide.
     browser.evaluate(f"{loaded}.viewer.setSize('window'); {loaded}.style.width = '100px'; {loaded}.viewer.settled()")

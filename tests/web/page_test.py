@@ -144,6 +144,14 @@ def at_a_desk(browser, page):
     ring = browser.evaluate("getComputedStyle(document.activeElement).outlineStyle + document.activeElement.textContent")
     expect("a button that has the focus shows it", ring == "solidbase", ring)
     keep(browser, "focus")
+    browser.evaluate("document.getElementById('picture').focus({focusVisible: true})")
+    rings = browser.evaluate("[getComputedStyle(document.activeElement).outlineColor, ...(({borderTopStyle, inset, "
+                             "borderTopColor}) => [borderTopStyle, borderTopColor, inset])"
+                             "(getComputedStyle(document.getElementById('stage'), '::after'))]")
+    keep(browser, "focus_picture")
+    expect("the picture has a light ring and a dark one within", rings == ["rgb(143, 178, 255)", "solid",
+           "rgb(16, 17, 20)", "2px"], rings)
+    browser.evaluate("document.querySelector('#show button:nth-child(2)').focus({focusVisible: true})")
     browser.press(" ", "Space")
     state = browser.evaluate(f"[tgViewer.settings.show, {camera}]")
     expect("there Space presses it, and the camera stays", state == ["base", first], state)

@@ -15,6 +15,8 @@ canvas { position: absolute; inset: 0; width: 100%; height: 100%; outline: none;
 canvas:active { cursor: grabbing; }
 canvas.still { pointer-events: none; }
 canvas:focus-visible { outline: 2px solid #8fb2ff; outline-offset: -2px; }
+i { display: none; position: absolute; inset: 2px; border: 2px solid #101114; pointer-events: none; }
+canvas:focus-visible ~ i { display: block; }
 div { position: absolute; left: 0; top: 0; height: 4px; width: 0; background: #5b8af0; transition: width 0.2s; }
 p { position: absolute; left: 12px; right: 12px; bottom: 12px; max-height: calc(100% - 40px); overflow: auto; margin: 0;
   padding: 8px 12px; border-radius: 6px; background: #7c2630; color: #fff; font: 13px/1.4 system-ui, sans-serif;
@@ -49,7 +51,7 @@ export class TexturedGaussiansElement extends (globalThis.HTMLElement || Object)
     super();
     const root = this.attachShadow({mode: 'open'});
     root.innerHTML = `<style>${STYLE}</style><canvas tabindex="0" role="img"></canvas>
-      <div hidden role="progressbar" aria-label="loading"></div><p role="alert"></p>`;
+      <div hidden role="progressbar" aria-label="loading"></div><p role="alert"></p><i></i>`;
     [, this.canvas, this.bar, this.words] = root.children;
     this.viewer = null;
     this.still = null;     // what is seen instead of the canvas while the viewer has no context
