@@ -37,8 +37,10 @@ elif task == "features":
     reader.camera_model, reader.camera_params = model, parameters
     options = pycolmap.FeatureExtractionOptions()
     options.num_threads = int(threads)
-    pycolmap.extract_features(database, images, image_names=open(names).read().split(),
-                              camera_mode=pycolmap.CameraMode.SINGLE, reader_options=reader, extraction_options=options)
+    with open(names, "rb") as file:  # names may hold Unicode's spaces and ends of lines
+        image_names = file.read().decode().split("\n")[:-1]
+    pycolmap.extract_features(database, images, image_names=image_names, camera_mode=pycolmap.CameraMode.SINGLE,
+                              reader_options=reader, extraction_options=options)
 elif task == "matches":
     database, pairs, threads = arguments
     options = pycolmap.FeatureMatchingOptions()

@@ -215,6 +215,38 @@ TEST_CASE("COLMAP's options have the names of its version", "[photos]") {
   CHECK(tg::photographsDone("Processed file [27/30]", true) == 0);
 }
 
+TEST_CASE("pycolmap gets every name as it is", "[photos]") {
+  const auto python = tg::findProgram("python3");
+  TG_SKIP_IF(python ? "" : "no python3 on the PATH");
+  const tg::TemporaryFolder folder;
+  // Writes down what it is asked for.
+  tg::writeTextAtomically(folder / "pycolmap.py",
+                          "class ImageReaderOptions: pass\n"
+                          "class FeatureExtractionOptions: pass\n"
+                          "class CameraMode: SINGLE = 0\n"
+                          "def extract_features(database, images, image_names, **others):\n"
+                          "    open(database, 'wb').write('|'.join(image_names).encode())\n");
+  const Strings names = {"narrow\u202fspace.jpg", "no\u00a0break.jpg", "wide\u3000.jpg", "next\u0085line.jpg", "a.jpg"};
+  std::string list, expected;
+  for (const std::string& name : names) {
+    list += name + "\n";
+    expected += (expected.empty() ? "" : "|") + name;
+  }
+  tg::writeTextAtomically(folder / "list.txt", list);
+  tg::Solver solver;
+  solver.kind = tg::SolverKind::pycolmap;
+  solver.program = python->string();
+  Strings words = tg::findFeatures(solver, {folder / "asked", folder.path}, folder / "list.txt",
+                                   tg::LensModel::simpleRadial, "", 1);
+  words.insert(words.begin(), {"/usr/bin/env", "PYTHONPATH=" + folder.path.string()});
+  const std::atomic<int> stop{0};
+  const tg::ChildEnd end = tg::runChild({words, folder / "log.txt", {}, {}}, stop);
+  INFO(end.last);
+  REQUIRE(end.code == 0);
+  const std::vector<std::uint8_t> asked = tg::readFile(folder / "asked", 1000);
+  CHECK(std::string(asked.begin(), asked.end()) == expected);
+}
+
 TEST_CASE("a photograph without a camera hears why from COLMAP's database", "[photos]") {
   const tg::TemporaryFolder folder;
   sqlite3* database = nullptr;
