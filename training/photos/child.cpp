@@ -88,6 +88,13 @@ std::vector<std::string> childEnvironment() {
   ::_exit(127);
 }
 
+// Of what a library writes about a program that dies: after the cause, and longer.
+bool isOfStackTrace(std::string_view line) {
+  line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
+  return std::ranges::any_of(std::array{"@ ", "*** ", "PC: @ "},
+                             [&](const char* start) { return line.starts_with(start); });
+}
+
 // What the child says, cut into lines.
 class Words {
  public:
@@ -119,7 +126,7 @@ class Words {
   void endLine() {
     if (line_.find_first_not_of(" \t") == line_.npos) return line_.clear();
     if (command_.line) command_.line(line_);
-    last_.push_back(line_);
+    if (!isOfStackTrace(line_)) last_.push_back(line_);
     if (last_.size() > kLastLines) last_.pop_front();
     line_.clear();
   }

@@ -36,7 +36,7 @@ struct ChildCommand {
 
 struct ChildEnd {
   int code = 0;      // its exit code; 128 + N after signal N
-  std::string last;  // lines of what it said
+  std::string last;  // lines of what it said, without traces of its stack
 };
 
 // Runs it to its end; once `stop` is set, ends it and throws Stopped. It also ends when this program is killed. Call it

@@ -88,6 +88,23 @@ TEST_CASE("a child that cannot be started, or dies by a signal, is told", "[phot
   CHECK_THROWS_AS(tg::runChild({{"/bin/true"}, folder / "absent/log.txt", {}, {}}, stop), tg::Error);
 }
 
+TEST_CASE("of a child that crashed its cause is told rather than its stack", "[photos]") {
+  const tg::TemporaryFolder folder;
+  const std::atomic<int> stop{0};
+  // As glog writes.
+  const std::string said =
+      "Processed file [1/3]\nF20261201 02:03:04.5 12 mapper.cc:7] Check failed: file.is_open()\n"
+      "*** Check failure stack trace: ***\n    @     0x7f01  google::LogMessage::Fail()\n    @              0x0  "
+      "(unknown)\n"
+      "*** Aborted at 1764554584 (unix time) try \"date -d @1764554584\" ***\nPC: @     0x7f02 (unknown)\n"
+      "*** SIGABRT (@0x1) received by PID 1; stack trace: ***\n    @     0x7f03 abort\n    @ 0x7f04 main\n";
+  const tg::ChildEnd end = tg::runChild(
+      {{"/bin/sh", "-c", "printf '%s' \"$1\" >&2; kill -ABRT $$", "sh", said}, folder / "log.txt", {}, {}}, stop);
+  CHECK(end.code == 128 + SIGABRT);
+  CHECK(end.last == "Processed file [1/3] | F20261201 02:03:04.5 12 mapper.cc:7] Check failed: file.is_open()");
+  CHECK(textOf(folder / "log.txt") == said);
+}
+
 TEST_CASE("a child that is to stop ends, with its own children, also one that does not listen", "[photos]") {
   const tg::TemporaryFolder folder;
   std::atomic<int> stop{0};
