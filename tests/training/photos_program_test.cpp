@@ -89,6 +89,7 @@ class Trial : public tg::TemporaryFolder {
            "feature_extractor|matches_importer|mapper) task=$1;; -h) exit 0;; esac; shift; done;"
            "[ -n \"$task\" ] || exit 0; echo $task >>calls.txt; [ -n \"$list\" ] && cat \"$list\" >>lists.txt;"
            "[ -f \"hang_$task\" ] && { rm \"hang_$task\"; echo $$ >child.txt; exec sleep 600; };"
+           "[ -f \"full_$task\" ] && echo 'SQLite error [database.cc, line 7]: database or disk is full';"
            "[ -f \"fail_$task\" ] && { echo 'what a pity'; exit 1; };"
            "case $task in feature_extractor|matches_importer) cp answer/database.db \"$database\"; echo 'Processed "
            "file [1/6]';;"
@@ -336,6 +337,23 @@ TEST_CASE("what COLMAP cannot do is an error with its last words", "[photos]") {
   CHECK_FALSE(fs::exists(trial / "model.photos/sparse.part"));
   CHECK_THAT(mapper.output, Contains("photographs: done before"));
   CHECK_FALSE(fs::exists(trial / "model.tgz"));
+}
+
+TEST_CASE("a stage whose database took not all is not done", "[photos]") {
+  const Trial trial;
+  const std::string task = GENERATE(std::string("feature_extractor"), "matches_importer", "mapper");
+  CAPTURE(task);
+  std::ofstream(trial / ("full_" + task)) << "";
+  const Outcome full = trial.photos("photos -o model.tgz" + kShort);
+  CHECK(full.code == 4);
+  CHECK_THAT(full.output, Contains("tgtrain: model.photos/database.db: SQLite error [database.cc, line 7]: database or "
+                                   "disk is full\n"));
+  trial.calls();
+  fs::remove(trial / ("full_" + task));
+  const Outcome on = trial.photos("photos -o model.tgz" + kShort);
+  INFO(on.output);
+  CHECK(on.code == 0);
+  CHECK(trial.calls() == kAll.substr(kAll.find(task)));
 }
 
 TEST_CASE("cameras of before do not stand beside photographs of now", "[photos]") {

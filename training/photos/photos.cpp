@@ -181,14 +181,18 @@ class Job {
     return *solver_;
   }
 
-  // Runs COLMAP; `counted` is told of the photographs done.
+  // Runs COLMAP; `counted` is told of the photographs done. COLMAP 3.8 goes on, to exit code 0, without what its
+  // database did not take.
   void colmap(std::vector<std::string> words, PhotoStage stage, const std::function<void(std::size_t)>& counted) {
     const fs::path log = work_ / "logs" / (std::string(name(stage)) + ".txt");
+    std::string lost;
     const auto line = [&](std::string_view text) {
+      if (const std::size_t at = text.find("SQLite error"); at != text.npos && lost.empty()) lost = text.substr(at);
       const std::size_t done = photographsDone(text, stage == PhotoStage::cameras);
       if (done > 0 && counted) counted(done);
     };
     const ChildEnd end = runChild({std::move(words), log, line, {}}, stop_);
+    if (!lost.empty()) throw Error(ErrorKind::cannotWrite, files().database.string(), lost);
     if (end.code == 0) return;
     throw Error(end.code >= 128 ? ErrorKind::device : ErrorKind::badData, log.string(),
                 (solver_->kind == SolverKind::colmap ? "colmap" : "pycolmap") + std::string(" failed (exit code ") +
