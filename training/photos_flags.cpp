@@ -99,11 +99,12 @@ void preparePhotosAloud(const PhotosOptions& options, Ledger& ledger, bool talks
   try {
     preparePhotos(options, ledger, listener, stopped_by);
   } catch (const Stopped&) {
-    progress.finish();
-    std::fprintf(stderr, "tgtrain: stopped; the same command goes on\n");
-    endAtOnce(stopped_by);
   }
   handleStopSignals(endAtOnce);  // until training has its own
+  if (stopped_by == 0) return;
+  progress.finish();
+  std::fprintf(stderr, "tgtrain: stopped; the same command goes on\n");
+  endAtOnce(stopped_by);
 }
 
 }  // namespace tg

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // `tgtrain photos` from photographs to a model, with programs in the place of colmap and ffmpeg that do what a test
 // says; and with the real ones.
+#include <fcntl.h>
 #include <sqlite3.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -17,6 +21,7 @@
 #include "core/bundle/bundle.h"
 #include "core/file/file.h"
 #include "core/image/image.h"
+#include "core/system/descriptor.h"
 #include "program.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -269,6 +274,43 @@ TEST_CASE("a command that was killed goes on where it was, and its child ends wi
   INFO(on.output);
   CHECK(on.code == 0);
   CHECK(trial.calls() == kAll.substr(kAll.find(task)));
+}
+
+TEST_CASE("a signal between the last of COLMAP and training ends the command", "[photos]") {
+  const Trial trial;
+  REQUIRE(trial.photos("photos -o model.tgz" + kShort).code == 0);
+  const std::string command =
+      "PATH=\"$PWD/bin:$PATH\" '" TG_TGTRAIN "' photos photos -o model.tgz --overwrite --texture-iterations 2";
+  // What is said until all stages are found done; then it waits for a pipe that takes no more.
+  const std::string all = run(trial, command + " --iterations 5 2>/dev/null").output;
+  const std::size_t before = all.find("cameras: 6 of 6");
+  REQUIRE(before != all.npos);
+  const fs::path name = trial / "pipe";
+  REQUIRE(::mkfifo(name.c_str(), 0600) == 0);
+  const tg::Descriptor pipe(::open(name.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC));
+  const int capacity = ::fcntl(pipe.get(), F_SETPIPE_SZ, 1);
+  REQUIRE(capacity > int(before) + 8);
+  const std::string filling(capacity - before - 8, '.');
+  REQUIRE(::write(pipe.get(), filling.data(), filling.size()) == ssize_t(filling.size()));
+  REQUIRE(run(trial, command + " --iterations 6 >pipe 2>errors.txt & echo $! >parent.txt").code == 0);
+  const pid_t parent = std::stoi(trial.textOf("parent.txt"));
+  int waiting = 0;
+  for (int wait = 0; wait < 3000 && waiting < capacity - 8; ++wait) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    REQUIRE(::ioctl(pipe.get(), FIONREAD, &waiting) == 0);
+  }
+  CHECK(waiting == capacity - 8);
+  CHECK(::kill(parent, SIGTERM) == 0);
+  std::string said;
+  for (int wait = 0; wait < 3000 && ::kill(parent, 0) == 0; ++wait) {
+    std::vector<char> piece(4096);
+    const ssize_t count = ::read(pipe.get(), piece.data(), piece.size());
+    if (count > 0) said.append(piece.data(), count);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  CHECK(::kill(parent, 0) != 0);
+  CHECK_THAT(said, Contains("cameras: done before\n") && !Contains("training on"));
+  CHECK_THAT(trial.textOf("errors.txt"), Contains("tgtrain: stopped; the same command goes on\n"));
 }
 
 TEST_CASE("a training of photographs that is stopped says that the same command goes on", "[photos]") {
