@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <system_error>
@@ -331,12 +332,19 @@ void writeTextAtomically(const std::filesystem::path& path, const std::string& t
 }
 
 void copyFileAtomically(const std::filesystem::path& source, const std::filesystem::path& path) {
+  constexpr std::size_t kPiece = std::size_t{1} << 20;
+  const FileReader in(source, std::numeric_limits<std::uint64_t>::max());
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
-    std::error_code error;
-    std::filesystem::copy_file(source, temporary, std::filesystem::copy_options::overwrite_existing, error);
-    if (error) {
-      throw Error(ErrorKind::cannotWrite, path.string(), "cannot copy " + source.string() + ": " + error.message());
+    const FileWriter out(temporary, path);
+    std::vector<std::uint8_t> buffer(static_cast<std::size_t>(std::min<std::uint64_t>(in.size(), kPiece)));
+    for (std::uint64_t done = 0; done < in.size();) {
+      const std::span piece = std::span(buffer).first(std::min<std::uint64_t>(in.size() - done, buffer.size()));
+      in.read(done, piece);
+      out.write(done, piece);
+      done += piece.size();
     }
+    struct stat status{};
+    if (!modeOf(path) && ::stat(source.c_str(), &status) == 0) (void)::chmod(temporary.c_str(), status.st_mode & 07777);
   });
 }
 

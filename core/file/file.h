@@ -87,7 +87,7 @@ void writeTextAtomically(const std::filesystem::path& path, const std::string& t
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path& temporary)>& write);
 
-// A copy of `source` under another name. Throws Error(cannotWrite).
+// A copy of a regular file, with the permissions of the older file, else of `source`. Throws cannotRead / cannotWrite.
 void copyFileAtomically(const std::filesystem::path& source, const std::filesystem::path& path);
 
 }  // namespace tg

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole files: bounds in, all or nothing out.
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -20,6 +21,7 @@
 #include "core/system/signals.h"
 #include "core/system/temporary_files.h"
 #include "support/catch.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 using Bytes = std::vector<std::uint8_t>;
@@ -102,10 +104,42 @@ TEST_CASE("a copy is whole or not there") {
   tg::writeFileAtomically(folder / "b", Bytes{4});
   tg::copyFileAtomically(folder / "a", folder / "b");
   REQUIRE(tg::readFile(folder / "b", 10) == Bytes{1, 2, 3});
-  REQUIRE_THROWS_WITH(tg::copyFileAtomically(folder / "missing", folder / "b"), Contains("cannot copy"));
+  REQUIRE_THROWS_WITH(tg::copyFileAtomically(folder / "missing", folder / "b"),
+                      Contains("missing: cannot open: No su"));
   REQUIRE(kindOf([&] { tg::copyFileAtomically(folder / "a", folder / "no/b"); }) == tg::ErrorKind::cannotWrite);
   REQUIRE(tg::readFile(folder / "b", 10) == Bytes{1, 2, 3});
   REQUIRE(fileCount(folder.path) == 2);
+
+  Bytes large((std::size_t{5} << 18) + 3);
+  for (std::size_t i = 0; i < large.size(); ++i) large[i] = static_cast<std::uint8_t>(i * i / 251);
+  tg::writeFileAtomically(folder / "a", large);
+  using std::filesystem::perms;
+  const auto permissionsOf = [&](const char* name) { return std::filesystem::status(folder / name).permissions(); };
+  std::filesystem::permissions(folder / "a", perms::owner_read | perms::others_read);
+  std::filesystem::permissions(folder / "b", perms::owner_read | perms::group_read);
+  std::filesystem::create_symlink("a", folder / "link");
+  tg::copyFileAtomically(folder / "link", folder / "b");
+  tg::copyFileAtomically(folder / "link", folder / "c");
+  REQUIRE(tg::readFile(folder / "b", large.size()) == large);
+  REQUIRE(tg::readFile(folder / "c", large.size()) == large);
+  REQUIRE(permissionsOf("b") == (perms::owner_read | perms::group_read));
+  REQUIRE(permissionsOf("c") == (perms::owner_read | perms::others_read));
+}
+
+TEST_CASE("a copy that finds no room says so") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes(300'000));
+  const auto before = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit limit{};
+  REQUIRE(::getrlimit(RLIMIT_FSIZE, &limit) == 0);
+  const rlimit small{100'000, limit.rlim_max};
+  REQUIRE(::setrlimit(RLIMIT_FSIZE, &small) == 0);
+  const auto copies = [&] { tg::copyFileAtomically(folder / "a", folder / "b"); };
+  const std::string said = tg::test::messageOf(copies, tg::ErrorKind::cannotWrite);
+  REQUIRE(::setrlimit(RLIMIT_FSIZE, &limit) == 0);
+  std::signal(SIGXFSZ, before);
+  REQUIRE(said == (folder / "b").string() + ": cannot write: File too large");
+  REQUIRE(fileCount(folder.path) == 1);
 }
 
 TEST_CASE("what a signal handler removes is what is half written, and nothing else") {
