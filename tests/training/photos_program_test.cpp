@@ -12,6 +12,7 @@
 #include <csignal>
 #include <cstring>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 #include <thread>
@@ -147,10 +148,10 @@ class Trial : public tg::TemporaryFolder {
                 database,
                 "PRAGMA journal_mode = WAL; CREATE TABLE images (image_id INTEGER, name TEXT); CREATE TABLE keypoints "
                 "(image_id INTEGER, rows INTEGER); CREATE TABLE matches (pair_id INTEGER, rows INTEGER); CREATE TABLE "
-                "two_view_geometries (pair_id INTEGER, rows INTEGER);"
+                "two_view_geometries (pair_id INTEGER, rows INTEGER, config INTEGER);"
                 "INSERT INTO images VALUES (9, 'IMG_5.jpg'), (5, 'IMG_4.jpg'), (1, 'IMG_0.jpg');"
                 "INSERT INTO keypoints VALUES (9, 7), (5, 500), (1, 500);"
-                "INSERT INTO two_view_geometries VALUES (2147483647 * 1 + 5, 16);",
+                "INSERT INTO two_view_geometries VALUES (2147483647 * 1 + 5, 16, 3);",
                 nullptr, nullptr, nullptr) == SQLITE_OK);
     sqlite3_close(database);
   }
@@ -327,18 +328,35 @@ TEST_CASE("the largest model is taken, and who is in none hears why", "[photos]"
   Trial trial;
   const tg::Dataset dataset = tg::loadDataset(trial / "scene", {});
   const std::vector<std::string>& names = trial.names();
-  trial.answer(dataset, {names[0], names[1]});
+  trial.answer(dataset, {names[2], names[3], names[4]});
   trial.answer(dataset, {names.begin(), names.begin() + 4}, "1");
-  const Outcome made = trial.photos("photos -o model.tgz" + kShort);
-  INFO(made.output);
-  CHECK(made.code == 0);
-  CHECK_THAT(made.output, Contains("fall into 2 models") && Contains("the largest, of 4, is taken (others have 2)"));
-  CHECK_THAT(made.output, Contains("left out: IMG 5.jpg: too little to hold on to: 7 features"));
-  CHECK_THAT(made.output, Contains("left out: IMG 4.jpg: 16 points in common with IMG 0.jpg, its best match of 1, do"));
+  for (const std::string stage : {"found in", "done before"}) {
+    const Outcome made = trial.photos("photos -o model.tgz" + kShort);
+    INFO(made.output);
+    CHECK(made.code == 0);
+    CHECK_THAT(made.output, Contains("cameras: " + stage));
+    CHECK_THAT(made.output, Contains("fall into 2 models") && Contains("the largest, of 4, is taken (others have 3)"));
+    CHECK_THAT(made.output, Contains("left out: IMG 5.jpg: too little to hold on to: 7 features"));
+    CHECK_THAT(made.output, Contains("left out: IMG 4.jpg: hangs together with 2 others in another model\n"));
+  }
   for (const std::string file : {"-wal", "-shm"}) CHECK_FALSE(fs::exists(trial / ("model.photos/database.db" + file)));
   const Outcome few = trial.photos("photos -o model.tgz --least-registered 70" + kShort);
   CHECK(few.code == 3);
-  CHECK_THAT(few.output, Contains("too few photographs have a camera (expected at least 70 % of 6, found 4)"));
+  CHECK_THAT(few.output, Contains("too few photographs have a camera (expected at least 70 % of 6, found 4)") &&
+                             !Contains("--matching exhaustive"));
+  const Outcome neighbours = trial.photos("photos -o m.tgz --matching sequential --least-registered 70" + kShort);
+  CHECK_THAT(neighbours.output, Contains("something with a pattern in view; --matching exhaustive. --least"));
+
+  // As an older version left it.
+  nlohmann::json list = nlohmann::json::parse(trial.textOf("model.photos/photos.json"));
+  list["stages"]["cameras"]["result"] = nullptr;
+  std::ofstream(trial / "model.photos/photos.json") << list;
+  const Outcome older = trial.photos("photos -o model.tgz" + kShort);
+  INFO(older.output);
+  CHECK(older.code == 0);
+  CHECK_THAT(older.output, Contains("cameras: done before") && !Contains("fall into") &&
+                               Contains("left out: IMG 4.jpg: 16 points in common with IMG 0.jpg, its best match of "
+                                        "1, do not tie it to the model\n"));
 }
 
 TEST_CASE("a splinter of few photographs is taken only where COLMAP finds no model of most", "[photos]") {

@@ -22,6 +22,7 @@ using Database = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
 constexpr std::int64_t kPairFactor = 2147483647;  // pair_id = factor * smaller image_id + larger
 constexpr std::int64_t kFewFeatures = 100;
+constexpr int kPlanar = 4, kPlanarOrPanoramic = 6;  // two_view_geometries.config; 5: panoramic
 
 Database open(const fs::path& file, int flags) {
   sqlite3* opened = nullptr;
@@ -45,6 +46,7 @@ struct Seen {
   std::string name;
   std::int64_t features = 0;
   std::int64_t pairs = 0;
+  std::int64_t deep = 0;  // of them, those seen from two places
   std::int64_t best = 0;  // matches of its best pair
   std::int64_t best_with = 0;
 };
@@ -64,7 +66,7 @@ std::vector<FoundModel> findModels(const fs::path& models) {
 }
 
 std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std::string>& names,
-                                    const std::map<std::string, std::string>& called) {
+                                    const std::map<std::string, std::string>& called, bool has_model) {
   std::vector<std::string> reasons(names.size());
   const Database database = open(file, SQLITE_OPEN_READWRITE);  // who only reads leaves a -wal
   std::map<std::int64_t, Seen> images;
@@ -80,16 +82,19 @@ std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std:
               seen.features = sqlite3_column_int64(row, 2);
               images[sqlite3_column_int64(row, 0)] = std::move(seen);
             }) &&
-      query(database.get(), "SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0", [&](sqlite3_stmt* row) {
-        const std::int64_t pair = sqlite3_column_int64(row, 0), matches = sqlite3_column_int64(row, 1);
-        const std::int64_t second = pair % kPairFactor, first = (pair - second) / kPairFactor;
-        for (const auto& [one, other] : {std::pair(first, second), std::pair(second, first)}) {
-          const auto seen = images.find(one);
-          if (seen == images.end() || !images.contains(other)) continue;
-          ++seen->second.pairs;
-          if (matches > seen->second.best) seen->second.best = matches, seen->second.best_with = other;
-        }
-      });
+      query(database.get(), "SELECT pair_id, rows, config FROM two_view_geometries WHERE rows > 0",
+            [&](sqlite3_stmt* row) {
+              const std::int64_t pair = sqlite3_column_int64(row, 0), matches = sqlite3_column_int64(row, 1);
+              const int config = sqlite3_column_int(row, 2);
+              const std::int64_t second = pair % kPairFactor, first = (pair - second) / kPairFactor;
+              for (const auto& [one, other] : {std::pair(first, second), std::pair(second, first)}) {
+                const auto seen = images.find(one);
+                if (seen == images.end() || !images.contains(other)) continue;
+                ++seen->second.pairs;
+                seen->second.deep += config < kPlanar || config > kPlanarOrPanoramic;
+                if (matches > seen->second.best) seen->second.best = matches, seen->second.best_with = other;
+              }
+            });
   if (!works) return reasons;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto found = std::ranges::find_if(images, [&](const auto& image) { return image.second.name == names[i]; });
@@ -102,12 +107,15 @@ std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std:
       reasons[i] = "too little to hold on to: " + std::to_string(seen.features) + " features, blurred or bare";
     } else if (seen.pairs == 0) {
       reasons[i] = "nothing in common with another photograph that it was matched with";
+    } else if (seen.deep == 0) {
+      reasons[i] = "no match of " + std::to_string(seen.pairs) +
+                   " shows depth, as from one place or of something flat: step aside between photographs";
     } else {
       const std::string& other = images.at(seen.best_with).name;
       const auto other_called = called.find(other);
       reasons[i] = std::to_string(seen.best) + " points in common with " +
                    (other_called == called.end() ? other : other_called->second) + ", its best match of " +
-                   std::to_string(seen.pairs) + ", do not tie it to the model";
+                   std::to_string(seen.pairs) + ", " + (has_model ? "do not tie it to the model" : "begin no model");
     }
   }
   return reasons;

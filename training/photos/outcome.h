@@ -20,11 +20,11 @@ struct FoundModel {
 // throws Error(badData / cannotRead).
 std::vector<FoundModel> findModels(const std::filesystem::path& models);
 
-// For each name, what the database knows of why it is in no model: too few features, no pair, a pair too weak. Nothing
-// for a database that cannot be read. `called`: what messages call the photograph of a name. SQLite's own files beside
-// the database are gone afterwards.
+// For each name, what the database knows of why it is in no model: too few features, no pair, pairs without depth, a
+// pair too weak. Nothing for a database that cannot be read. `called`: what messages call the photograph of a name.
+// `has_model`: others are in one. SQLite's own files beside the database are gone afterwards.
 std::vector<std::string> whyLeftOut(const std::filesystem::path& database, const std::vector<std::string>& names,
-                                    const std::map<std::string, std::string>& called);
+                                    const std::map<std::string, std::string>& called, bool has_model);
 
 // Removes what matching wrote, so that it is done anew. False: not possible.
 bool forgetMatches(const std::filesystem::path& database);

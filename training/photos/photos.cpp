@@ -300,36 +300,44 @@ class Job {
     if (models.empty()) models = findCameras(part, least, 0, why);
     if (models.empty()) foundNone(why);
     listener_.progress("cameras", count, count);
-    if (models.size() > 1) {
-      std::string sizes;
-      for (std::size_t i = 1; i < models.size(); ++i) {
-        sizes += (i > 1 ? ", " : "") + std::to_string(models[i].summary.images.size());
-      }
-      listener_.warn("the photographs fall into " + std::to_string(models.size()) +
-                     " models that do not hang together: the largest, of " +
-                     std::to_string(models[0].summary.images.size()) + ", is taken (others have " + sizes + ")");
-    }
     const fs::path chosen = part / "chosen";
     fs::rename(models[0].folder, chosen);
     makeEmpty(work_ / "sparse");
     giveName(chosen, work_ / "sparse/0");
     std::error_code ignored;
     fs::remove_all(part, ignored);
-    return {"found", "null"};
+    nlohmann::ordered_json others = nlohmann::ordered_json::array();
+    for (std::size_t i = 1; i < models.size(); ++i) others.push_back(models[i].summary.images);
+    return {"found", dumpJson(others)};
+  }
+
+  // The photographs of the models that were not taken, the largest first.
+  std::vector<std::set<std::string>> otherModels() const {
+    const std::string path = Ledger::kFile;
+    const nlohmann::json result = parseJson(ledger_.result(PhotoStage::cameras), path);
+    std::vector<std::set<std::string>> models;
+    if (result.is_null()) return models;  // by a version that did not keep them
+    for (const nlohmann::json& model : JsonNode{result, path, "cameras"}.array().value) {
+      std::set<std::string>& names = models.emplace_back();
+      for (const nlohmann::json& name : JsonNode{model, path, "a model"}.array().value) {
+        names.insert(JsonNode{name, path, "a photograph"}.string());
+      }
+    }
+    return models;
   }
 
   // `why`: in COLMAP's words, or "".
   [[noreturn]] void foundNone(const std::string& why) const {
     std::error_code ignored;
     fs::remove_all(work_ / "sparse.part", ignored);
-    nameLeftOut({});
+    nameLeftOut({}, {});
     throw Error(
         ErrorKind::badData, options_.input.string(),
-        "no cameras found" + expectedFound("some photographs that hang together", "none") + ". " + kAdvice + why);
+        "no cameras found" + expectedFound("some photographs that hang together", "none") + ". " + advice() + why);
   }
 
-  // All but those that have a camera.
-  void nameLeftOut(const std::set<std::string>& have) const {
+  // All but those that have a camera; `others`: in models that were not taken.
+  void nameLeftOut(const std::set<std::string>& have, const std::vector<std::set<std::string>>& others) const {
     std::vector<std::string> names;
     std::vector<const Prepared*> left_out;
     std::map<std::string, std::string> called;
@@ -339,8 +347,12 @@ class Job {
       names.push_back(photograph.name);
       left_out.push_back(&photograph);
     }
-    const std::vector<std::string> reasons = whyLeftOut(files().database, names, called);
+    std::vector<std::string> reasons = whyLeftOut(files().database, names, called, !have.empty());
     for (std::size_t i = 0; i < std::min(names.size(), kMostNamed); ++i) {
+      const auto other = std::ranges::find_if(others, [&](const auto& model) { return model.contains(names[i]); });
+      if (other != others.end()) {
+        reasons[i] = "hangs together with " + std::to_string(other->size() - 1) + " others in another model";
+      }
       listener_.warn("left out: " + left_out[i]->source + (reasons[i].empty() ? "" : ": " + reasons[i]));
     }
     if (names.size() > kMostNamed) listener_.warn("left out: " + std::to_string(names.size() - kMostNamed) + " more");
@@ -353,20 +365,33 @@ class Job {
     listener_.say("cameras: " + std::to_string(placed) + " of " + std::to_string(count) +
                   (film_ ? " frames" : " photographs") +
                   formatted(", %zu points, mean reprojection error %.2f px", summary.points, summary.error));
-    nameLeftOut({summary.images.begin(), summary.images.end()});
+    const std::vector<std::set<std::string>> others = otherModels();
+    if (!others.empty()) {
+      std::string sizes;
+      for (const std::set<std::string>& model : others) {
+        sizes += (sizes.empty() ? "" : ", ") + std::to_string(model.size());
+      }
+      listener_.warn("the photographs fall into " + std::to_string(others.size() + 1) +
+                     " models that do not hang together: the largest, of " + std::to_string(placed) +
+                     ", is taken (others have " + sizes + ")");
+    }
+    nameLeftOut({summary.images.begin(), summary.images.end()}, others);
     const double percent = 100.0 * static_cast<double>(placed) / static_cast<double>(count);
     if (placed < kFewestCameras || percent < options_.least_registered) {
       throw Error(ErrorKind::badData, options_.input.string(),
                   "too few photographs have a camera" +
                       expectedFound(formatted("at least %.0f %% of %zu", options_.least_registered, count),
                                     std::to_string(placed)) +
-                      ". " + kAdvice + " --least-registered P goes on with fewer.");
+                      ". " + advice() + " --least-registered P goes on with fewer.");
     }
   }
 
-  static constexpr const char* kAdvice =
-      "What helps: more photographs, each sharing two thirds of its view with the next; walk around rather than turn "
-      "on the spot; sharp pictures, no zoom, no mirrors, something with a pattern in view; --matching exhaustive.";
+  std::string advice() const {
+    return std::string(
+               "What helps: more photographs, each sharing two thirds of its view with the next; walk around rather "
+               "than turn on the spot; sharp pictures, no zoom, no mirrors, something with a pattern in view") +
+           (matching_ == Matching::exhaustive ? "." : "; --matching exhaustive.");
+  }
 
   const PhotosOptions& options_;
   Ledger& ledger_;

@@ -256,19 +256,32 @@ TEST_CASE("a photograph without a camera hears why from COLMAP's database", "[ph
   };
   run("CREATE TABLE images (image_id INTEGER, name TEXT); CREATE TABLE keypoints (image_id INTEGER, rows INTEGER);"
       "CREATE TABLE matches (pair_id INTEGER, rows INTEGER); CREATE TABLE two_view_geometries (pair_id INTEGER, rows "
-      "INTEGER);");
-  run("INSERT INTO images VALUES (1, 'a.jpg'), (2, 'b.jpg'), (3, 'c.jpg'), (4, 'd.jpg');"
-      "INSERT INTO keypoints VALUES (1, 900), (2, 12), (3, 800), (4, 700);");
-  run("INSERT INTO two_view_geometries VALUES (" + std::to_string(2147483647LL * 1 + 4) + ", 17);");
+      "INTEGER, config INTEGER);");
+  run("INSERT INTO images VALUES (1, 'a.jpg'), (2, 'b.jpg'), (3, 'c.jpg'), (4, 'd.jpg'), (6, 'f.jpg');"
+      "INSERT INTO keypoints VALUES (1, 900), (2, 12), (3, 800), (4, 700), (6, 700);");
+  // Between photographs: matches, and what they show (3: depth, 4 to 6: one place, or something flat).
+  const auto match = [&](std::int64_t first, std::int64_t second, int rows, int config) {
+    run("INSERT INTO two_view_geometries VALUES (" + std::to_string(2147483647 * first + second) + ", " +
+        std::to_string(rows) + ", " + std::to_string(config) + ");");
+  };
+  match(1, 4, 17, 3);
+  match(4, 6, 9, 4);
+  match(1, 6, 99, 6);
   sqlite3_close(database);
-  const Strings reasons = tg::whyLeftOut(folder / "d.db", {"b.jpg", "c.jpg", "d.jpg", "e.jpg"}, {{"a.jpg", "frame 9"}});
+  const auto why = [&](const Strings& names, bool has_model = true) {
+    return tg::whyLeftOut(folder / "d.db", names, {{"a.jpg", "frame 9"}}, has_model);
+  };
+  const Strings reasons = why({"b.jpg", "c.jpg", "d.jpg", "e.jpg", "f.jpg"});
   CHECK(reasons[0] == "too little to hold on to: 12 features, blurred or bare");
   CHECK(reasons[1] == "nothing in common with another photograph that it was matched with");
-  CHECK(reasons[2] == "17 points in common with frame 9, its best match of 1, do not tie it to the model");
+  CHECK(reasons[2] == "17 points in common with frame 9, its best match of 2, do not tie it to the model");
   CHECK(reasons[3] == "COLMAP could not read it");
+  CHECK(reasons[4] ==
+        "no match of 2 shows depth, as from one place or of something flat: step aside between photographs");
+  CHECK(why({"d.jpg"}, false)[0] == "17 points in common with frame 9, its best match of 2, begin no model");
   CHECK(tg::forgetMatches(folder / "d.db"));
-  CHECK(tg::whyLeftOut(folder / "d.db", {"d.jpg"}, {})[0] == reasons[1]);
+  CHECK(why({"d.jpg"})[0] == reasons[1]);
   tg::writeTextAtomically(folder / "none.db", "no database, but long enough to be looked into by a library");
-  CHECK(tg::whyLeftOut(folder / "none.db", {"d.jpg"}, {})[0].empty());
+  CHECK(tg::whyLeftOut(folder / "none.db", {"d.jpg"}, {}, true)[0].empty());
   CHECK_FALSE(tg::forgetMatches(folder / "none.db"));
 }
