@@ -16,7 +16,7 @@ struct ColmapCameraModel {
   bool fisheye = false;
 };
 // By id.
-inline constexpr std::array<ColmapCameraModel, 12> kColmapCameraModels = {
+inline constexpr std::array<ColmapCameraModel, 18> kColmapCameraModels = {
     {{"SIMPLE_PINHOLE", "fcc", 3},
      {"PINHOLE", "xycc", 4},
      {"SIMPLE_RADIAL", "fcck", 4},
@@ -28,6 +28,12 @@ inline constexpr std::array<ColmapCameraModel, 12> kColmapCameraModels = {
      {"SIMPLE_RADIAL_FISHEYE", "fcck", 4, true},
      {"RADIAL_FISHEYE", "fcckk", 5, true},
      {"THIN_PRISM_FISHEYE", "xycckkppkktt", 12, true},
-     {"RAD_TAN_THIN_PRISM_FISHEYE", nullptr, 16, true}}};
+     {"RAD_TAN_THIN_PRISM_FISHEYE", nullptr, 16, true},
+     {"SIMPLE_DIVISION", nullptr, 4},
+     {"DIVISION", nullptr, 5},
+     {"SIMPLE_FISHEYE", "fcc", 3, true},
+     {"FISHEYE", "xycc", 4, true},
+     {"EUCM", nullptr, 6},
+     {"EQUIRECTANGULAR", nullptr, 2}}};
 
 }  // namespace tg

@@ -78,8 +78,10 @@ std::string supportedModels() {
 ColmapCamera makeCamera(const fs::path& path, const std::string& label, const ColmapCameraModel& model,
                         std::uint64_t width, std::uint64_t height, std::span<const double> parameters) {
   if (!model.parameters) {
+    const bool all_around = model.name == "EQUIRECTANGULAR";  // COLMAP does not undistort it
     fail(path, label + ": camera model " + std::string(model.name) + " is not supported (expected one of " +
-                   supportedModels() + "): run `colmap image_undistorter` first");
+                   supportedModels() + "): " +
+                   (all_around ? "cut it into pictures of pinhole cameras" : "run `colmap image_undistorter` first"));
   }
   if (parameters.size() != model.count) {
     fail(path, label + ": wrong number of parameters (expected " + std::to_string(model.count) + ", found " +

@@ -26,7 +26,7 @@ namespace {
 constexpr std::uint64_t kMaxDescriptionBytes = std::uint64_t{256} << 20;
 
 bool bends(const ColmapCameraModel& model, std::span<const double> parameters) {
-  if (model.fisheye) return true;
+  if (model.fisheye || !model.parameters) return true;
   const std::size_t of_pinhole = std::string_view(model.parameters).find_last_of("fxyc") + 1;
   const std::span<const double> lens = parameters.subspan(std::min(of_pinhole, parameters.size()));
   return std::ranges::any_of(lens, [](double coefficient) { return coefficient != 0; });

@@ -2,6 +2,7 @@
 // Lenses that data sets name: every model's parameters, photographs and masks without them.
 #include <array>
 #include <cmath>
+#include <tuple>
 
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -50,6 +51,8 @@ TEST_CASE("reads COLMAP's lenses, every model's parameters in their order", "[da
       Case{8, "SIMPLE_RADIAL_FISHEYE", 3, 4, true, {0.001}, {}, {}, {}, 0},
       Case{9, "RADIAL_FISHEYE", 3, 5, true, {0.001, 0.002}, {}, {}, {}, 0},
       Case{10, "THIN_PRISM_FISHEYE", 4, 12, true, {0.001, 0.002, 0.005, 0.006}, {}, {0.003, 0.004}, {0.007, 0.008}, 0},
+      Case{14, "SIMPLE_FISHEYE", 3, 3, true, {}, {}, {}, {}, 0},
+      Case{15, "FISHEYE", 4, 4, true, {}, {}, {}, {}, 0},
   };
   tg::TemporaryFolder folder;
   ColmapBinary().write(folder.path);
@@ -76,6 +79,16 @@ TEST_CASE("reads COLMAP's lenses, every model's parameters in their order", "[da
   CHECK_THAT(refusal(folder.path),
              Contains("3 ") && Contains("camera model RAD_TAN_THIN_PRISM_FISHEYE is not supported (expected one of "
                                         "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, "));
+  for (const auto& [id, parameters, name, advice] :
+       {std::tuple(12, 4, "SIMPLE_DIVISION", "): run `colmap image_undistorter` first"),
+        std::tuple(13, 5, "DIVISION", "): run `colmap image_undistorter` first"),
+        std::tuple(16, 6, "EUCM", "): run `colmap image_undistorter` first"),
+        std::tuple(17, 2, "EQUIRECTANGULAR", "): cut it into pictures of pinhole cameras")}) {
+    writeText(folder / "sparse/0/cameras.bin", colmapCamera(id, 2, parameters));
+    CHECK_THAT(refusal(folder.path),
+               Contains(": camera model " + std::string(name) + " is not supported (expected one of ") &&
+                   Contains("SIMPLE_FISHEYE, FISHEYE" + std::string(advice)));
+  }
   writeText(folder / "sparse/0/cameras.bin", ColmapBinary(99).cameras);
   CHECK_THAT(refusal(folder.path), Contains("unknown camera model 99"));
   Bytes endless;

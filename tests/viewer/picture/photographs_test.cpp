@@ -157,6 +157,7 @@ TEST_CASE("a data set whose cameras have a lens is told by their files") {
            {"1 PINHOLE 640 480 500 500 320 240\n2 SIMPLE_RADIAL 640 480 500 320 240 0.05\n", true},
            {"1 SIMPLE_RADIAL 640 480 500 320 240 0\n", false},
            {"1 RADIAL_FISHEYE 640 480 500 320 240 0 0\n", true},
+           {"1 EUCM 640 480 500 500 320 240 0.5 1\n", true},
            {"1 OPENCV 640 480 500 500 320 240 0 0 0 1e-3\n", true}}) {
     CAPTURE(text);
     write("sparse/0/cameras.txt", text);
