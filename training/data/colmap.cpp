@@ -373,12 +373,17 @@ glm::dmat3 rotationMatrix(const fs::path& path, const ColmapImage& image) {
                     glm::dvec3(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)));
 }
 
+// Of a folder with both kinds the binary one, unless that lacks a file.
+bool isBinary(const fs::path& model) {
+  return isFile(model / "cameras.bin") && (isFile(model / "images.bin") || !isFile(model / "cameras.txt"));
+}
+
 bool holdsModel(const fs::path& folder) { return isFile(folder / "cameras.bin") || isFile(folder / "cameras.txt"); }
 
 // Photographs of a model by the first bytes of its images.bin, or all of images.txt; 0 where it cannot be read.
 std::uint64_t imagesOf(const fs::path& model) {
   try {
-    if (!isFile(model / "cameras.bin")) return readImagesText(model / "images.txt").size();
+    if (!isBinary(model)) return readImagesText(model / "images.txt").size();
     const FileReader file(model / "images.bin", kMaxModelBytes);
     std::array<std::uint8_t, 8> bytes;
     file.read(0, bytes);
@@ -437,7 +442,7 @@ DatasetIndex readColmap(const fs::path& folder, bool normalize) {
                           named(*model) + " (" + std::to_string(imagesOf(*model)) +
                           "), which is read as it is called 0");
   }
-  const bool binary = isFile(*model / "cameras.bin");
+  const bool binary = isBinary(*model);
   const std::string extension = binary ? ".bin" : ".txt";
   const fs::path images_path = *model / ("images" + extension);
   const fs::path points_path = *model / ("points3D" + extension);

@@ -60,11 +60,11 @@ std::string cameraModel(const JsonNode& top, const JsonNode& frame) {
   const JsonNode& owner = saying("camera_model", top, frame);
   const auto model = owner.value.find("camera_model");
   if (model != owner.value.end() && !model->is_null()) return model->is_string() ? model->get<std::string>() : "?";
-  for (const nlohmann::json* object : {&frame.value, &top.value}) {
-    const auto fisheye = object->find("is_fisheye");  // instant-ngp's
-    if (fisheye != object->end() && fisheye->is_boolean()) return fisheye->get<bool>() ? "OPENCV_FISHEYE" : "OPENCV";
-  }
-  return "OPENCV";
+  constexpr const char* kFisheye = "is_fisheye";  // instant-ngp's
+  const JsonNode& other = saying(kFisheye, top, frame);
+  const auto fisheye = other.value.find(kFisheye);
+  if (fisheye == other.value.end() || fisheye->is_null()) return "OPENCV";
+  return other.boolean(kFisheye) ? "OPENCV_FISHEYE" : "OPENCV";
 }
 
 // instant-ngp's keys for cameras that no key of nerfstudio's describes.

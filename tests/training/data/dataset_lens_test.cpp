@@ -132,6 +132,13 @@ TEST_CASE("reads the lenses of transforms.json, a frame's before the file's", "[
     CHECK(lens(fisheye).fisheye);
     CHECK(lens(fisheye).radial == std::array{0.1, 0.2, 0.3, 0.4});
   }
+  fisheye["frames"][0]["is_fisheye"] = nullptr;
+  CHECK(lens(fisheye).fisheye);
+  fisheye["frames"][0]["is_fisheye"] = false;
+  fisheye.erase("k4");
+  CHECK_FALSE(lens(fisheye).fisheye);
+  fisheye["frames"][0]["is_fisheye"] = 1;
+  CHECK_THAT(refusal([&] { lens(fisheye); }), Contains("\"is_fisheye\": expected true or false, found number"));
 
   // Photograph and camera become the pinhole's, larger here; downscaling comes after.
   json["k1"] = json["frames"][0]["k1"] = -0.8;

@@ -182,6 +182,11 @@ TEST_CASE("reads COLMAP text models", "[dataset]") {
   tg::TemporaryFolder folder;
   ColmapText().write(folder.path);
   checkColmap(loadDataset(folder.path));
+  // Of another program, without its other files.
+  writeText(folder / "sparse/0/cameras.bin", "no cameras");
+  checkColmap(loadDataset(folder.path));
+  fs::remove(folder / "sparse/0/cameras.txt");
+  CHECK_THAT(refusal(folder.path), Contains("cameras.bin"));
 }
 
 TEST_CASE("reads COLMAP binary models, from sparse/0", "[dataset]") {
