@@ -103,7 +103,9 @@ std::shared_ptr<CLI::App> photosApp(tg::TrainFlags& options, tg::PhotosFlags& fl
   auto app = std::make_shared<CLI::App>(
       "Finds the cameras of photographs or of a film by COLMAP, trains a model and opens it.", "photos");
   tg::addTrainingOptions(*app, options);
-  app->get_option("dataset")->description("Folder of photographs (JPEG, PNG, WebP, HEIC), or a film");
+  app->get_option("dataset")
+      ->description("Folder of photographs (JPEG, PNG, WebP, HEIC, AVIF), or a film")
+      ->type_name("FOLDER OR FILM");
   tg::addRunOptions(*app, options);
   for (const char* flag : kOfDataSets) app->get_option(flag)->group("");
   tg::addPhotosFlags(*app, flags);

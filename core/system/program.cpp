@@ -24,6 +24,7 @@
 
 #include "core/system/command_table.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/nearest_name.h"
 #include "core/system/numbers.h"
 #include "core/system/shortened.h"
@@ -46,15 +47,25 @@ std::vector<std::string> longNames(const CLI::App& app, bool dashed) {
   return names;
 }
 
+// ": expected one folder" where a command takes one word that is no flag, and has it.
+std::string expectedOne(const CLI::App& command) {
+  const auto taken = command.get_options([](const CLI::Option* option) { return option->get_positional(); });
+  if (taken.size() != 1 || taken.front()->count() == 0) return "";
+  const std::string type = taken.front()->get_type_name();
+  return ": expected one " + (type == "TEXT" ? taken.front()->get_name() : lowerCase(type));
+}
+
 // What nothing takes: a flag that is not there, or one word too many.
 std::string unexpected(const CLI::App& app) {
   const std::vector<std::string> left = app.remaining(true);
-  const auto flag = std::ranges::find_if(left, [](const std::string& word) { return word.starts_with("-"); });
-  if (flag == left.end()) return "unexpected argument: " + (left.empty() ? "" : shortened(left.front()));
-  const std::string name = flag->substr(0, flag->find('='));
   const std::vector<CLI::App*> commands = app.get_subcommands();
-  return "no such option: " + shortened(name) +
-         meant(name, longNames(commands.empty() ? app : *commands.front(), true));
+  const CLI::App& command = commands.empty() ? app : *commands.front();
+  const auto flag = std::ranges::find_if(left, [](const std::string& word) { return word.starts_with("-"); });
+  if (flag == left.end()) {
+    return "unexpected argument: " + (left.empty() ? "" : shortened(left.front()) + expectedOne(command));
+  }
+  const std::string name = flag->substr(0, flag->find('='));
+  return "no such option: " + shortened(name) + meant(name, longNames(command, true));
 }
 
 // CLI11's words for a value that is missing or is none, as other checks say it.

@@ -546,6 +546,8 @@ TEST_CASE("inputs that are none, and programs that are not there, are told in a 
   fs::create_directory(trial / "only");
   fs::copy(trial / "bin/colmap", trial / "only/colmap");
   says(trial.photos("broken.mp4 -o z.tgz", "$PWD/only:/nowhere"), 5, "no ffmpeg found");
+  says(trial.photos("'photos/IMG 0.jpg' 'photos/IMG 1.jpg' -o x.tgz"), 1,
+       "tgtrain photos: unexpected argument: photos/IMG 1.jpg: expected one folder or film (see --help)");
   const Outcome pointed = run(trial, "'" TG_TGTRAIN "' photos -o x.tgz");
   CHECK(pointed.code == 1);
   says(run(trial, "'" TG_TGTRAIN "' ./photos -o x.tgz"), 3,
