@@ -61,8 +61,9 @@ std::string filmWords(const fs::path& folder, const PhotographList& list) {
   throw Error(ErrorKind::badData, input.string(),
               "too few photographs" +
                   expectedFound("at least " + std::to_string(kFewestPhotographs) +
-                                    " JPEG, PNG, WebP or HEIC files, better 30 to 200",
+                                    " JPEG, PNG, WebP, HEIC or AVIF files, better 30 to 200",
                                 std::to_string(found)) +
+                  (list.closed.empty() ? "" : "; cannot be read: " + someOf(list.closed)) +
                   (list.ignored.empty() ? "" : "; no photographs by their bytes: " + someOf(list.ignored)) +
                   (list.drawn.empty() ? "" : "; it holds " + drawnWords(list)) +
                   (list.masks.empty() ? "" : "; what lies in a folder `masks` counts as masks") +
@@ -245,6 +246,7 @@ std::size_t keepMasks(std::vector<FoundMask> masks, const fs::path& input, const
 }
 
 void tellOfOthers(const fs::path& input, const PhotographList& list, const PhotosListener& listener) {
+  if (!list.closed.empty()) listener.warn(input.string() + ": cannot be read: " + someOf(list.closed));
   if (!list.ignored.empty()) {
     listener.warn(input.string() + ": ignored, no photographs: " + someOf(list.ignored));
   }
@@ -275,6 +277,12 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
     copies.push_back(copy.string() + " (of " + original.string() + ")");
   }
   if (!copies.empty()) listener.warn(options.input.string() + ": left out, copies: " + someOf(copies));
+  std::vector<fs::path> mask_of;
+  for (const fs::path& photograph : list.photographs) {
+    const fs::path mask = mask_of.emplace_back(maskOf(options.input, photograph));
+    // Whoever reads it says what is wrong with it.
+    if (!mask.empty()) std::erase(list.ignored, nameFrom(options.input, mask));
+  }
   tellOfOthers(options.input, list, listener);
   const std::vector<std::string> names = plainNames(list.photographs);
   std::vector<Prepared> prepared;
@@ -287,7 +295,7 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
     if (stop != 0) throw Stopped();
     listener.progress("preparing photographs", i, names.size());
     const fs::path source = options.input / list.photographs[i];
-    const fs::path mask = maskOf(options.input, list.photographs[i]);
+    const fs::path& mask = mask_of[i];
     without_photograph.erase(mask);
     const auto isNamesake = [&](std::size_t other) {  // they stand beside each other
       return other < names.size() && differInExtension(list.photographs[other], list.photographs[i]);

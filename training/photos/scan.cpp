@@ -141,7 +141,7 @@ Walk walkThrough(const fs::path& walked, const fs::path& place, const fs::path& 
       continue;
     }
     if (entries->is_directory(ignored) && ::access(path.c_str(), R_OK | X_OK) != 0) {
-      list.ignored.push_back(path.lexically_relative(folder).string() + " (" + systemReason() + ")");
+      list.closed.push_back(path.lexically_relative(folder).string() + " (" + systemReason() + ")");
       entries.disable_recursion_pending();
       continue;
     }
@@ -165,8 +165,10 @@ Walk walkThrough(const fs::path& walked, const fs::path& place, const fs::path& 
       list.unread.push_back(below.string());
     } else if (isFilmName(path)) {
       list.films.push_back(below.string());
+    } else if (::access(path.c_str(), R_OK) != 0) {
+      list.closed.push_back(below.string() + " (" + systemReason() + ")");
     } else {
-      list.ignored.push_back(below.string() + (::access(path.c_str(), R_OK) == 0 ? "" : " (" + systemReason() + ")"));
+      list.ignored.push_back(below.string());
     }
   }
   if (error) throw Error(ErrorKind::cannotRead, walked.string(), "cannot list: " + error.message());
@@ -230,12 +232,14 @@ PhotographList findPhotographs(const fs::path& folder, std::size_t most_files) {
     append(list.masks, walk.list.masks);
     append(list.unread, walk.list.unread);
     append(list.films, walk.list.films);
+    append(list.closed, walk.list.closed);
     append(list.ignored, walk.list.ignored);
   }
   if (list.photographs.empty()) std::swap(list.photographs, list.drawn);  // who has no others means these
   for (std::vector<fs::path>* paths : {&list.photographs, &list.drawn, &list.masks})
     std::ranges::sort(*paths, isBefore);
-  for (std::vector<std::string>* names : {&list.unread, &list.films, &list.ignored}) std::ranges::sort(*names);
+  for (std::vector<std::string>* names : {&list.unread, &list.films, &list.closed, &list.ignored})
+    std::ranges::sort(*names);
   // Empty and broken photographs before what was never meant to be one.
   std::ranges::stable_partition(list.ignored, isPhotographName);
   return list;

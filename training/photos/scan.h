@@ -24,6 +24,7 @@ struct PhotographList {
   std::vector<std::filesystem::path> masks;        // pictures in folders called masks, below the folder, sorted
   std::vector<std::string> unread;                 // pictures in formats that are not read: RAW, TIFF, JPEG XL
   std::vector<std::string> films;                  // which want a command each
+  std::vector<std::string> closed;                 // files and folders that may not be read, and why
   std::vector<std::string> ignored;                // other files below it
 };
 

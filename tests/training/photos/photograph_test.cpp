@@ -3,6 +3,7 @@
 #include "training/photos/photograph.h"
 
 #include <libheif/heif.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cmath>
@@ -356,6 +357,50 @@ TEST_CASE("files are photographs by their bytes, and the others are named", "[ph
 
 namespace {
 
+// Root may read everything: as somebody else while this is there.
+class AsNobody {
+ public:
+  AsNobody() {
+    if (is_root_) REQUIRE(::setresuid(65534, 65534, 0) == 0);
+  }
+  ~AsNobody() {
+    if (is_root_) CHECK(::setresuid(0, 0, 0) == 0);
+  }
+  AsNobody& operator=(AsNobody&&) = delete;
+
+ private:
+  const bool is_root_ = ::geteuid() == 0;
+};
+
+}  // namespace
+
+TEST_CASE("what may not be read is named apart from what is no photograph", "[photos]") {
+  const tg::TemporaryFolder folder;
+  fs::permissions(folder.path, fs::perms(0755));
+  fs::create_directories(folder / "in/shut");
+  for (const char* name : {"a.jpg", "b.jpg"}) tg::writeImage(folder / "in" / name, picture());
+  std::ofstream(folder / "in/notes.txt") << "hello";
+  for (const char* name : {"in/b.jpg", "in/shut"}) fs::permissions(folder / name, fs::perms::none);
+  const auto list = [&] {
+    const AsNobody nobody;
+    return tg::findPhotographs(folder / "in");
+  }();
+  CHECK(list.photographs == std::vector<fs::path>{"a.jpg"});
+  CHECK(list.closed == std::vector<std::string>{"b.jpg (Permission denied)", "shut (Permission denied)"});
+  CHECK(list.ignored == std::vector<std::string>{"notes.txt"});
+  const std::string few = tg::test::messageOf([&] {
+    tg::PhotosOptions options;
+    options.input = folder / "in";
+    const AsNobody nobody;
+    tg::checkInput(options);
+  });
+  CHECK_THAT(few, Contains("JPEG, PNG, WebP, HEIC or AVIF files") &&
+                      Contains("found 1); cannot be read: b.jpg (Permission denied), shut (Permission denied); no "
+                               "photographs by their bytes: notes.txt"));
+}
+
+namespace {
+
 // The names of what is made of a folder's photographs, in out/ and masks/, and what is said of it.
 std::pair<std::vector<std::string>, std::string> prepared(const tg::TemporaryFolder& folder, const char* input = "in",
                                                           int longest_side = 1600) {
@@ -420,6 +465,11 @@ TEST_CASE("masks go with their photographs and are turned with them", "[photos]"
   CHECK(kept("images_b.jpg").at(0, 39, 0) == 1);
   CHECK(kept("images_sub_c.png").at(0, 29, 0) == 1);
   CHECK_FALSE(fs::exists(folder / "masks/images_d.jpg.png"));
+  // What is broken is named once.
+  std::ofstream(folder / "in/masks/d.jpg.png") << "no picture";
+  const std::string broken = prepared(folder).second;
+  CHECK_THAT(broken, Contains("in/masks/d.jpg.png: ") && !Contains("ignored, no photographs"));
+  CHECK(broken.find("d.jpg.png") == broken.rfind("d.jpg.png"));
   // Straight below the input, and beside one that is called images.
   tg::writeImage(folder / "in/f.jpg", tg::turned(picture(), 2));
   mask("f.jpg.mask.png", 40, 30);
