@@ -416,6 +416,23 @@ TEST_CASE("a stage whose database took not all is not done", "[photos]") {
   CHECK(trial.calls() == kAll.substr(kAll.find(task)));
 }
 
+TEST_CASE("a model that COLMAP did not write to its end is no model", "[photos]") {
+  const Trial trial;
+  const fs::path file = trial / "models/0" / GENERATE(std::string("images.bin"), "points3D.bin");
+  CAPTURE(file);
+  const std::vector<std::uint8_t> whole = tg::readFile(file, 1 << 20);
+  tg::writeFileAtomically(file, std::span(whole).first(whole.size() / 2));
+  const Outcome full = trial.photos("photos -o model.tgz" + kShort);
+  CHECK(full.code == 4);
+  CHECK_THAT(full.output, Contains("model.photos/sparse.part/0/" + file.filename().string() + ": ") &&
+                              Contains(": not written to its end, as on a full disk\n"));
+  tg::writeFileAtomically(file, whole);
+  const Outcome on = trial.photos("photos -o model.tgz" + kShort);
+  INFO(on.output);
+  CHECK(on.code == 0);
+  CHECK_THAT(on.output, Contains("matches: done before"));
+}
+
 TEST_CASE("cameras of before do not stand beside photographs of now", "[photos]") {
   const Trial trial;
   REQUIRE(trial.photos("photos -o model.tgz" + kShort).code == 0);

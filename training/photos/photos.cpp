@@ -266,6 +266,16 @@ class Job {
     return {std::to_string(pairs.size()) + " pairs (" + std::string(name(matching_)) + ")", "null"};
   }
 
+  // Those that COLMAP has written just now: it ends with exit code 0 also where not all of a file could be.
+  static std::vector<FoundModel> writtenModels(const fs::path& part) {
+    try {
+      return findModels(part);
+    } catch (const Error& error) {
+      if (error.kind != ErrorKind::badData) throw;
+      throw Error(ErrorKind::cannotWrite, error.what() + std::string(": not written to its end, as on a full disk"));
+    }
+  }
+
   // The models of at least so many photographs that COLMAP finds; `why`: in its words, where it finds none.
   std::vector<FoundModel> findCameras(const fs::path& part, std::size_t smallest, int trials, std::string& why) {
     makeEmpty(part);
@@ -276,10 +286,10 @@ class Job {
              [&](std::size_t done) { listener_.progress("cameras", std::min(done, count - 1), count); });
     } catch (const Error& error) {
       // It also fails where it finds none.
-      if (error.kind != ErrorKind::badData || !findModels(part).empty()) throw;
+      if (error.kind != ErrorKind::badData || !writtenModels(part).empty()) throw;
       why = std::string(" (") + error.what() + ")";
     }
-    return findModels(part);
+    return writtenModels(part);
   }
 
   // COLMAP keeps the first model that is large enough, be it a splinter after which no other finds a beginning. So only
