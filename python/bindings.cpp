@@ -14,6 +14,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -64,6 +65,48 @@ struct py::detail::handle_type_name<ValueText> {
 };
 
 namespace {
+
+// Whether it is an object of the class whose __init__ has not run, or has thrown: of such a one pybind11 makes memory
+// that nothing was written to. What shows a frame's variables, as pytest does, comes by them.
+template <typename Value>
+bool isUnmade(py::handle object) {
+  const auto* type = py::detail::get_type_info(typeid(Value));
+  if (!PyObject_TypeCheck(object.ptr(), type->type)) return false;  // isinstance() believes an object's __class__
+  return reinterpret_cast<py::detail::instance*>(object.ptr())->get_value_and_holder(type).value_ptr() == nullptr;
+}
+
+template <typename Value>
+std::string className() {
+  return py::str(py::type::of<Value>().attr("__name__"));
+}
+
+template <typename Value, typename... Classes>
+concept IsOneOf = (std::is_same_v<Value, Classes> || ...);
+
+}  // namespace
+
+// Of the module's classes. Throws TypeError for an object that was not made.
+template <typename Value>
+  requires IsOneOf<Value, Camera, Model, Renderer, Dataset, Trainer, TrainProgress, ViewScore, Evaluation,
+                   ConvertReport>
+class py::detail::type_caster<Value> : public type_caster_base<Value> {
+ public:
+  bool load(handle given, bool convert) {
+    if (!isUnmade<Value>(given)) return type_caster_base<Value>::load(given, convert);
+    throw type_error(className<Value>() +
+                     ": expected an object that is made (its __init__ has not run, or has failed)");
+  }
+};
+
+namespace {
+
+// __repr__ by `text` of the value.
+template <typename Value, typename Text>
+auto shownBy(const Text& text) {
+  return [text](const py::object& self) {
+    return isUnmade<Value>(self) ? "<" + className<Value>() + " that was not made>" : text(self.cast<const Value&>());
+  };
+}
 
 template <typename Number>
 using ArrayOf = py::array_t<Number, py::array::c_style | py::array::forcecast>;
@@ -512,10 +555,10 @@ appears at (x / z, y / z) * focal + center [px], with (x, y, z) = rotation @ p +
       .def("__eq__", &sameCamera, py::is_operator())
       .def("__hash__", [](const Camera& camera) { return py::hash(stateOf(camera)); })
       .def(py::pickle(&stateOf, &cameraFrom))
-      .def("__repr__", [](const Camera& camera) {
-        return "<Camera " + std::string(py::repr(fileNameOf(camera.name))) + " " + std::to_string(camera.width) +
-               " x " + std::to_string(camera.height) + (camera.test ? ", held out" : "") + ">";
-      });
+      .def("__repr__", shownBy<Camera>([](const Camera& camera) {
+             return "<Camera " + std::string(py::repr(fileNameOf(camera.name))) + " " + std::to_string(camera.width) +
+                    " x " + std::to_string(camera.height) + (camera.test ? ", held out" : "") + ">";
+           }));
   module.def("look_at", &lookAt, "eye"_a, "target"_a, "up"_a, "fov_y"_a, "width"_a, "height"_a,
              R"(A camera at `eye` that looks at `target`, both [3] in world space; `up` [3] points to the picture's top.
 fov_y: the vertical field of view [radians].)");
@@ -563,11 +606,10 @@ Returns what the format does not hold, a line each.)")
       .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
       .def(py::pickle(&modelState, &modelFrom))
       .def("__len__", &Model::size)
-      .def("__repr__",
-           [](const Model& model) {
+      .def("__repr__", shownBy<Model>([](const Model& model) {
              return "<Model of " + std::to_string(model.size()) + " Gaussians, SH degree " +
                     std::to_string(model.shDegree()) + ", textures " + kModes.of(model.textureMode()) + ">";
-           })
+           }))
       .def_property_readonly(
           "means", [](const py::object& self) { return numbers<&Model::means>(self, {3}); },
           "float32 [N, 3] [world units].")
@@ -749,8 +791,9 @@ or far from the origin; a line of warnings says how a model is brought back.)")
       .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
-      .def("__repr__",
-           [](const Dataset& dataset) { return "<Dataset of " + std::to_string(dataset.size()) + " photographs>"; })
+      .def("__repr__", shownBy<Dataset>([](const Dataset& dataset) {
+             return "<Dataset of " + std::to_string(dataset.size()) + " photographs>";
+           }))
       .def_property_readonly(
           "background", [](const Dataset& dataset) { return py::tuple(py::cast(dataset.background())); }, "RGB.")
       .def_property_readonly(
@@ -775,12 +818,11 @@ or far from the origin; a line of warnings says how a model is brought back.)")
       .def_readonly("loss", &TrainProgress::loss, "Running mean over training photographs; 0 before the first.")
       .def_readonly("psnr", &TrainProgress::psnr, "Running mean over training photographs [dB]; 0 before the first.")
       .def_readonly("gaussians", &TrainProgress::gaussians, "Of the model as it stands.")
-      .def("__repr__",
-           [](const TrainProgress& progress) {
+      .def("__repr__", shownBy<TrainProgress>([](const TrainProgress& progress) {
              return "<Progress " + progress.stage + " " + std::to_string(progress.iteration) + " of " +
                     std::to_string(progress.iterations) + ", " + std::to_string(progress.gaussians) + " Gaussians, " +
                     decimals(progress.psnr, 2) + " dB>";
-           })
+           }))
       .def_readonly("seconds_left", &TrainProgress::seconds_left, "Of all stages, as far as it can be told.");
 
   py::class_<Trainer>(module, "Trainer",
@@ -832,10 +874,10 @@ void bindEvaluation(py::module_& module) {
       .def_readonly("psnr", &ViewScore::psnr, "[dB] after rounding to 8 bits; inf when equal.")
       .def_readonly("ssim", &ViewScore::ssim, "Up to 1.")
       .def_readonly("flip", &ViewScore::flip, "0 (equal) to 1; None where it was not asked for.")
-      .def("__repr__", [](const ViewScore& score) {
-        return "<ViewScore " + (score.name.empty() ? "" : std::string(py::repr(fileNameOf(score.name))) + " ") +
-               figures(score) + ">";
-      });
+      .def("__repr__", shownBy<ViewScore>([](const ViewScore& score) {
+             return "<ViewScore " + (score.name.empty() ? "" : std::string(py::repr(fileNameOf(score.name))) + " ") +
+                    figures(score) + ">";
+           }));
   py::class_<Evaluation>(module, "Evaluation", "How close pictures of a model come to the photographs of a data set.")
       .def_readonly("views", &Evaluation::views, "A ViewScore a photograph.")
       .def_readonly("mean", &Evaluation::mean, "Of every figure; its name is empty.")
@@ -845,10 +887,10 @@ void bindEvaluation(py::module_& module) {
       .def_property_readonly(
           "warnings", [](const Evaluation& evaluation) { return linesOf(evaluation.warnings); },
           "Of a model that was trained on others than these photographs, a line each.")
-      .def("__repr__", [](const Evaluation& evaluation) {
-        return "<Evaluation of " + std::to_string(evaluation.views.size()) +
-               " photographs: " + figures(evaluation.mean) + ">";
-      });
+      .def("__repr__", shownBy<Evaluation>([](const Evaluation& evaluation) {
+             return "<Evaluation of " + std::to_string(evaluation.views.size()) +
+                    " photographs: " + figures(evaluation.mean) + ">";
+           }));
   module.def(
       "evaluate",
       [](const Model& model, const Dataset& dataset, const std::string& split, bool flip, const std::string& textures,
@@ -872,12 +914,11 @@ As tgeval does it, the same numbers: over the background that the data set was m
 for, else the model's, where it is known, as of a .tgz and of what has cameras, else the data set's.)");
 
   py::class_<ConvertReport>(module, "ConvertReport", "What a conversion read and wrote.")
-      .def("__repr__",
-           [](const ConvertReport& report) {
+      .def("__repr__", shownBy<ConvertReport>([](const ConvertReport& report) {
              return "<ConvertReport " + report.input_format + " (" + std::to_string(report.input_bytes) +
                     " bytes) to " + report.output_format + " (" + std::to_string(report.output_bytes) + " bytes), " +
                     std::to_string(report.gaussians) + " Gaussians>";
-           })
+           }))
       .def_readonly("input_format", &ConvertReport::input_format, "By its name in docs/formats.md, as \"tgz\".")
       .def_readonly("output_format", &ConvertReport::output_format, "Likewise.")
       .def_readonly("input_bytes", &ConvertReport::input_bytes, "In all files of the model.")

@@ -273,6 +273,60 @@ class Refusals(Folder):
         self.assertIn("Renderer(model: ", str(caught.exception))
         self.assertIn("Invoked with: ", str(caught.exception))
 
+    def test_objects_that_were_not_made_hold_nothing(self):
+        run = subprocess.run([sys.executable, "-c", """
+import inspect, pickle, sys, traceback, unittest.mock, textured_gaussians as tg
+
+def refused(call, *arguments, **named):
+    try:
+        found = call(*arguments, **named)
+    except TypeError as error:
+        return str(error)
+    raise AssertionError(f"{call} gave {found}")
+
+def unmade(kind):
+    return kind.__new__(kind)
+
+for kind in (getattr(tg, name) for name in tg.__all__ if isinstance(getattr(tg, name), type)):
+    if kind is tg.Error:
+        continue
+    name = kind.__name__
+    if "__repr__" in vars(kind):
+        assert repr(unmade(kind)) == f"<{name} that was not made>", repr(unmade(kind))
+    else:
+        assert repr(unmade(kind)).startswith("<"), repr(unmade(kind))
+    for member in (each for each, found in vars(kind).items() if inspect.isdatadescriptor(found) and each[0] != "_"):
+        assert refused(getattr, unmade(kind), member).startswith(f"{name}: "), member
+    refused(pickle.dumps, unmade(kind))
+camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
+said = "Model: expected an object that is made (its __init__ has not run, or has failed)"
+assert refused(len, unmade(tg.Model)) == refused(tg.Renderer, unmade(tg.Model)) == said
+model = tg.Model([[1, 2, 3]], [[1, 0, 0, 0]], [[0, 0, 0]], [1], [[[1, 1, 1]]])
+refused(tg.Model, model.means, model.rotations, model.log_scales, model.opacity_logits, model.sh,
+        cameras=[unmade(tg.Camera)])
+refused(tg.Renderer(model).render, unmade(tg.Camera))
+refused(unmade(tg.Renderer).render, camera)
+refused(tg.Trainer, unmade(tg.Dataset))
+refused(unmade(tg.Trainer).step)
+refused(hash, unmade(tg.Camera))
+refused(lambda: camera == unmade(tg.Camera))
+refused(tg.Renderer, unittest.mock.Mock(spec=tg.Model))  # whose __class__ is Model
+
+class Mine(tg.Model):
+    def __init__(self):
+        self.text = repr(self)
+        super().__init__(model.means, model.rotations, model.log_scales, model.opacity_logits, model.sh)
+
+assert Mine().text == "<Model that was not made>" and len(Mine()) == 1
+for call in lambda: tg.Model(1, 2, 3, 4, 5), lambda: tg.Camera(1, 2, 3, 4, 5, 6):
+    try:
+        call()
+    except (tg.Error, TypeError):
+        shown = traceback.TracebackException(*sys.exc_info(), capture_locals=True)
+        assert "that was not made>" in "".join(shown.format())
+"""], env=os.environ | {"PYTHONPATH": FOLDER}, capture_output=True, text=True)
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
+
     def test_long_texts_are_quoted_by_their_beginnings_and_ends(self):
         long = "x" * 100000
         camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)
