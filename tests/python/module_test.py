@@ -783,8 +783,8 @@ class Training(Folder):
         self.refused("usage", "threads: is set for all that the library does", tg.Trainer, dataset, threads=2)
         self.refused("usage", "start: expected points, random or a model that is loaded", tg.Trainer, dataset,
                      start=self.folder / "model.tgz")
-        flags = set(re.findall(r"^ +(?:-\w,\s*)?--([a-z0-9-]+)",
-                               subprocess.run([MAKE_SAMPLE[0], "--help"], capture_output=True, text=True).stdout, re.M))
+        told = subprocess.run([*MAKE_SAMPLE[:-1], "--help"], capture_output=True, text=True).stdout
+        flags = set(re.findall(r"^ +(?:-\w,\s*)?--([a-z0-9-]+)", told, re.M))
         table = pathlib.Path("library/train.cpp").read_text().split("kOtherFlags[] = {\n")[1].split("};")[0]
         others = re.findall(r'^    \{"([a-z0-9-]+)", ', table, re.M)
         self.assertEqual(len(others), table.count("\n"))
