@@ -603,7 +603,8 @@ Gaussian: "plane" or "max_response"; outside, what is drawn of a textured Gaussi
 
 Returns what the format does not hold, a line each.)")
       .def("__copy__", [](const py::object& self) { return self; })
-      .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
+      .def(
+          "__deepcopy__", [](const py::object& self, const py::object&) { return self; }, "memo"_a)
       .def(py::pickle(&modelState, &modelFrom))
       .def("__len__", &Model::size)
       .def("__repr__", shownBy<Model>([](const Model& model) {
@@ -788,7 +789,8 @@ NeRF-synthetic, else black; an evaluation goes over the model's then. test_every
 where the data set has no split; 0: none. normalize: cameras and points are moved and scaled, of scenes that are small
 or far from the origin; a line of warnings says how a model is brought back.)")
       .def("__copy__", [](const py::object& self) { return self; })
-      .def("__deepcopy__", [](const py::object& self, const py::object&) { return self; })
+      .def(
+          "__deepcopy__", [](const py::object& self, const py::object&) { return self; }, "memo"_a)
       .def("__len__", &Dataset::size)
       .def_property_readonly("cameras", &Dataset::cameras, "[len()], those to train on first; .test: held out.")
       .def("__repr__", shownBy<Dataset>([](const Dataset& dataset) {

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 # The types of the module; what each function does, with shapes and units, is in its docstring.
 import os
-from typing import Callable, Iterable, List, Literal, NoReturn, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Iterable, List, Literal, NoReturn, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
 _Path = Union[str, bytes, "os.PathLike[str]", "os.PathLike[bytes]"]
 _Value = Union[_Path, int, float, np.generic]
-_Vector = Union[Sequence[float], npt.NDArray[np.floating], npt.NDArray[np.integer]]
+_Vector = Union[Sequence[float], npt.NDArray[np.floating[Any]], npt.NDArray[np.integer[Any]]]
 _Color = _Vector
 _TextureMode = Literal["none", "alpha", "rgb", "rgba"]
 _Output = Literal["final", "base", "texture", "alpha", "depth", "normal", "count", "depth_median"]
@@ -100,6 +100,8 @@ class Model:
     @staticmethod
     def load(path: _Path) -> Model: ...
     def save(self, path: _Path) -> List[str]: ...
+    def __copy__(self) -> Model: ...
+    def __deepcopy__(self, memo: Dict[int, Any]) -> Model: ...
     def __len__(self) -> int: ...
     @property
     def means(self) -> _Floats: ...
@@ -146,17 +148,17 @@ class Renderer:
 
 def set_threads(count: int) -> None: ...
 def read_image(path: _Path) -> _Floats: ...
-def write_image(path: _Path, image: npt.NDArray[np.floating]) -> None: ...
+def write_image(path: _Path, image: npt.NDArray[np.floating[Any]]) -> None: ...
 
 class Dataset:
     def __init__(
         self,
-        images: Iterable[npt.NDArray[Union[np.uint8, np.floating]]],
+        images: Iterable[npt.NDArray[Union[np.uint8, np.floating[Any]]]],
         cameras: Sequence[Camera],
         *,
         names: Optional[Sequence[_Path]] = ...,
         points: Optional[npt.ArrayLike] = ...,
-        colors: Optional[npt.NDArray[Union[np.uint8, np.floating]]] = ...,
+        colors: Optional[npt.NDArray[Union[np.uint8, np.floating[Any]]]] = ...,
         masks: Optional[Iterable[Optional[npt.NDArray[Union[np.bool_, np.uint8]]]]] = ...,
         background: Optional[_Color] = ...,
         test_every: int = ...,
@@ -170,6 +172,8 @@ class Dataset:
         test_every: int = ...,
         normalize: bool = ...,
     ) -> Dataset: ...
+    def __copy__(self) -> Dataset: ...
+    def __deepcopy__(self, memo: Dict[int, Any]) -> Dataset: ...
     def __len__(self) -> int: ...
     @property
     def cameras(self) -> List[Camera]: ...

@@ -892,6 +892,8 @@ class Stubs(unittest.TestCase):
             values = {each.target.id for each in node.body if isinstance(each, ast.AnnAssign)}
             own = {each for each in vars(real) if not each.startswith("_")}
             self.assertEqual({each for each in members if not each.startswith("_")} | values, own, name)
+            copying = {"__copy__", "__deepcopy__"}
+            self.assertEqual(copying & set(members), copying & set(vars(real)), name)
             # Without a constructor nothing fits the only argument.
             made = members.pop("__init__", None)
             if made and ast.unparse(made.args.args[-1]).endswith(": NoReturn"):
@@ -903,6 +905,16 @@ class Stubs(unittest.TestCase):
             for member, function in members.items():
                 if not any(isinstance(d, ast.Name) and d.id == "property" for d in function.decorator_list):
                     self.check_arguments(f"{name}.{member}", function, getattr(real, member))
+
+    def test_generic_types_of_numpy_have_a_parameter(self):
+        tree = ast.parse((pathlib.Path(FOLDER) / "textured_gaussians/__init__.pyi").read_text())
+        generic = {"np." + name for name in ("number", "integer", "signedinteger", "unsignedinteger", "inexact",
+                                             "floating", "complexfloating", "ndarray", "dtype")}
+        named = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+        with_parameter = [ast.unparse(node.value) for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
+        self.assertGreater(sum(each in generic for each in named), 0)
+        for each in generic:  # mypy --strict takes no other
+            self.assertEqual(named.count(each), with_parameter.count(each), each)
 
     def check_arguments(self, name, node, real):
         documented = inspect.getdoc(real).splitlines()[0]
