@@ -804,10 +804,14 @@ or far from the origin; a line of warnings says how a model is brought back.)")
           "that are mostly above white, 1: a line each.")
       .def(
           "photograph",
-          [](const Dataset& dataset, std::size_t index) {
+          [](const Dataset& dataset, py::ssize_t index) {
+            if (index < 0) {
+              refuse("photograph: no such one (expected 0 to " + std::to_string(dataset.size() - 1) + ", found " +
+                     std::to_string(index) + ")");
+            }
             return arrayOf([&] {
               const py::gil_scoped_release release;
-              return dataset.photograph(index);
+              return dataset.photograph(static_cast<std::size_t>(index));
             }());
           },
           "index"_a, "float32 [height, width, 3] over the background.");

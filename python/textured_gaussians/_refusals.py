@@ -6,6 +6,9 @@ import functools
 
 def _type(value):
     name = type(value).__name__
+    if type(value) is int:  # whose type may be right and its size wrong
+        bits = value.bit_length()
+        return f"int {value}" if bits <= 64 else f"int of {bits} bits"
     held = list(dict.fromkeys(type(each).__name__ for each in value)) if type(value) in (list, tuple) else []
     return f"{name}[{' | '.join(held[:3] + ['...'] * (len(held) > 3))}]" if held else name
 
@@ -17,8 +20,8 @@ def _found(arguments, named):
 
 
 def _in_short(function, name, mark, own=0):
-    """The function, of that name, whose TypeError, known by its `mark`, names types of arguments alone; `own` of them
-    stand before the caller's. What code raises that it calls stays as it is."""
+    """The function, of that name, whose TypeError, known by its `mark`, names types of arguments, and integers, alone;
+    `own` of them stand before the caller's. What code raises that it calls stays as it is."""
 
     @functools.wraps(function)
     def call(*arguments, **named):

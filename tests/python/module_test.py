@@ -227,7 +227,7 @@ class Refusals(Folder):
                 ("Found: list[int]", tg.set_threads, ([0] * 100000,), {}),
                 ("Found: list[ndarray], list[Camera | NoneType]", tg.Dataset, ([many] * 2, [camera, None]), {}),
                 ("Found: list, tuple[int | str | float | ...]", tg.Dataset, ([], (1, "2", 3.0, 4, None)), {}),
-                ("Found: " + "int, " * 20 + "...", tg.set_threads, range(10000), {}),
+                ("Found: " + "str, " * 20 + "...", tg.set_threads, ["x"] * 10000, {}),
                 ("Found: str, downscale=str", tg.Dataset.load, ("scene",), {"downscale": "2"})):
             with self.subTest(end=end), self.assertRaises(TypeError) as caught:
                 call(*given, **named)
@@ -235,6 +235,19 @@ class Refusals(Folder):
             self.assertTrue(said.endswith("\n" + end), said[-200:])
             self.assertIn("The following argument types are supported:\n    1. ", said)
             self.assertLess(len(said), 3000)
+
+    def test_integers_out_of_range_are_named(self):
+        dataset = tg.Dataset([np.zeros((3, 4))], [tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 4, 3)])
+        for index in -1, np.int64(-1):
+            self.refused("usage", "photograph: no such one (expected 0 to 0, found -1)", dataset.photograph, index)
+        for end, call, given, named in (
+                ("int 9223372036854775808", dataset.photograph, (1 << 63,), {}),
+                ("int of 33220 bits", dataset.photograph, (10 ** 10000,), {}),
+                ("str, str, target_size=int -1", tg.convert, (SAMPLE, "a.ply"), {"target_size": -1}),
+                ("bool, int 1, int 2147483648", tg.look_at, (True, 1, 1 << 31), {})):
+            with self.subTest(end=end), self.assertRaises(TypeError) as caught:
+                call(*given, **named)
+            self.assertEqual(str(caught.exception).rpartition("\nFound: ")[2], end)
 
     def test_type_errors_of_code_that_is_called_are_that_codes_own(self):
         said = "f(): incompatible function arguments\nInvoked with: 1"  # as another module of pybind11's has it
