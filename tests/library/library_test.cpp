@@ -285,6 +285,22 @@ TEST_CASE("a camera that is none is refused") {
              Contains("field of view"));
 }
 
+TEST_CASE("a camera looks along any direction of finite numbers") {
+  const auto rotation = [](double distance, double up) {
+    return lookAt({0, 0, 0}, {0, 0.5 * distance, distance}, {0, -up, 0}, 0.8, 80, 60).rotation;
+  };
+  const std::array<double, 9> expected = rotation(1, 1);
+  CHECK(std::abs(expected[8] - 1 / std::sqrt(1.25)) < 1e-15);
+  for (const double length : {0x1p-1060, 0x1p-700, 0x1p600, 0x1p1023}) {
+    CAPTURE(length);
+    CHECK(rotation(length, 1) == expected);
+    CHECK(rotation(1, length) == expected);
+    CHECK(rotation(length, length) == expected);
+  }
+  const Camera across = lookAt({-0x1p1023, 0, 0}, {0x1p1023, 0, 0}, {0, -1, 0}, 0.8, 80, 60);
+  CHECK(across.rotation[6] == 1);
+}
+
 TEST_CASE("a point of the world appears where the camera's documentation says") {
   ModelData data;
   data.means = {0.3f, -0.2f, 0.1f};
