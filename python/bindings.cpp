@@ -143,6 +143,13 @@ py::str fileNameOf(const std::string& name) {
   return py::reinterpret_steal<py::str>(PyUnicode_DecodeFSDefaultAndSize(name.data(), py::ssize_t(name.size())));
 }
 
+// In states that are pickled: as they are, whatever their letters.
+py::list rawLines(const std::vector<std::string>& lines) {
+  py::list texts;
+  for (const std::string& line : lines) texts.append(py::bytes(line));
+  return texts;
+}
+
 // Lines that may name files.
 py::list linesOf(const std::vector<std::string>& lines) {
   py::list texts;
@@ -493,6 +500,15 @@ py::array fixed(const std::array<double, kCount>& numbers, Shape shape) {
   return array;
 }
 
+// Of states that begin with their version. Throws Error(usage) for another version or number of values.
+void requireState(const py::tuple& state, int version, std::size_t values, const std::string& name) {
+  if (state.size() == values && py::isinstance<py::int_>(state[0]) && py::object(state[0]).equal(py::int_(version)))
+    return;
+  const std::string first = state.empty() ? "" : ", the first " + tg::shortened(py::str(py::repr(state[0])));
+  refuse(name + ": expected a state of " + std::to_string(values) + " values, the first " + std::to_string(version) +
+         ", found " + std::to_string(state.size()) + first);
+}
+
 py::tuple stateOf(const Camera& camera) {
   return py::make_tuple(py::tuple(py::cast(camera.rotation)), py::tuple(py::cast(camera.translation)),
                         py::tuple(py::cast(camera.focal)), py::tuple(py::cast(camera.center)), camera.width,
@@ -755,6 +771,19 @@ std::string settingText(const std::string& setting, const py::object& given) {
   return fileNameFrom(py::str(value));
 }
 
+constexpr int kProgressState = 1;  // version
+
+py::tuple progressState(const TrainProgress& progress) {
+  return py::make_tuple(kProgressState, progress.stage, progress.iteration, progress.iterations, progress.loss,
+                        progress.psnr, progress.gaussians, progress.seconds_left);
+}
+
+TrainProgress progressFrom(const py::tuple& state) {
+  requireState(state, kProgressState, 8, "progress");
+  return {state[1].cast<std::string>(), state[2].cast<int>(),         state[3].cast<int>(),   state[4].cast<double>(),
+          state[5].cast<double>(),      state[6].cast<std::size_t>(), state[7].cast<double>()};
+}
+
 void bindTraining(py::module_& module) {
   py::class_<Dataset>(module, "Dataset", "Photographs with known cameras. A data set does not change.")
       .def(py::init(&makeDataset), "images"_a, "cameras"_a, py::kw_only(), "names"_a = py::none(),
@@ -829,6 +858,7 @@ or far from the origin; a line of warnings says how a model is brought back.)")
                     std::to_string(progress.iterations) + ", " + std::to_string(progress.gaussians) + " Gaussians, " +
                     decimals(progress.psnr, 2) + " dB>";
            }))
+      .def(py::pickle(&progressState, &progressFrom))
       .def_readonly("seconds_left", &TrainProgress::seconds_left, "Of all stages, as far as it can be told.");
 
   py::class_<Trainer>(module, "Trainer",
@@ -873,6 +903,42 @@ std::string figures(const ViewScore& score) {
          (score.flip ? ", FLIP " + decimals(*score.flip, 4) : "");
 }
 
+constexpr int kScoreState = 1, kEvaluationState = 1, kReportState = 1;  // versions
+
+py::tuple scoreState(const ViewScore& score) {
+  return py::make_tuple(kScoreState, py::bytes(score.name), score.psnr, score.ssim, score.flip);
+}
+
+ViewScore scoreFrom(const py::tuple& state) {
+  requireState(state, kScoreState, 5, "score");
+  return {state[1].cast<std::string>(), state[2].cast<double>(), state[3].cast<double>(),
+          state[4].cast<std::optional<double>>()};
+}
+
+py::tuple evaluationState(const Evaluation& evaluation) {
+  return py::make_tuple(kEvaluationState, evaluation.views, evaluation.mean, py::tuple(py::cast(evaluation.background)),
+                        rawLines(evaluation.warnings));
+}
+
+Evaluation evaluationFrom(const py::tuple& state) {
+  requireState(state, kEvaluationState, 5, "evaluation");
+  return {state[1].cast<std::vector<ViewScore>>(), state[2].cast<ViewScore>(), state[3].cast<std::array<float, 3>>(),
+          state[4].cast<std::vector<std::string>>()};
+}
+
+py::tuple reportState(const ConvertReport& report) {
+  return py::make_tuple(kReportState, report.input_format, report.output_format, report.input_bytes,
+                        report.output_bytes, report.gaussians, report.steps, report.psnr, rawLines(report.warnings));
+}
+
+ConvertReport reportFrom(const py::tuple& state) {
+  requireState(state, kReportState, 9, "report");
+  return {state[1].cast<std::string>(),           state[2].cast<std::string>(),
+          state[3].cast<std::uint64_t>(),         state[4].cast<std::uint64_t>(),
+          state[5].cast<std::size_t>(),           state[6].cast<std::optional<float>>(),
+          state[7].cast<std::optional<double>>(), state[8].cast<std::vector<std::string>>()};
+}
+
 void bindEvaluation(py::module_& module) {
   py::class_<ViewScore>(module, "ViewScore", "How close a picture comes to a photograph.")
       .def_property_readonly(
@@ -880,6 +946,7 @@ void bindEvaluation(py::module_& module) {
       .def_readonly("psnr", &ViewScore::psnr, "[dB] after rounding to 8 bits; inf when equal.")
       .def_readonly("ssim", &ViewScore::ssim, "Up to 1.")
       .def_readonly("flip", &ViewScore::flip, "0 (equal) to 1; None where it was not asked for.")
+      .def(py::pickle(&scoreState, &scoreFrom))
       .def("__repr__", shownBy<ViewScore>([](const ViewScore& score) {
              return "<ViewScore " + (score.name.empty() ? "" : std::string(py::repr(fileNameOf(score.name))) + " ") +
                     figures(score) + ">";
@@ -893,6 +960,7 @@ void bindEvaluation(py::module_& module) {
       .def_property_readonly(
           "warnings", [](const Evaluation& evaluation) { return linesOf(evaluation.warnings); },
           "Of a model that was trained on others than these photographs, a line each.")
+      .def(py::pickle(&evaluationState, &evaluationFrom))
       .def("__repr__", shownBy<Evaluation>([](const Evaluation& evaluation) {
              return "<Evaluation of " + std::to_string(evaluation.views.size()) +
                     " photographs: " + figures(evaluation.mean) + ">";
@@ -920,6 +988,7 @@ As tgeval does it, the same numbers: over the background that the data set was m
 for, else the model's, where it is known, as of a .tgz and of what has cameras, else the data set's.)");
 
   py::class_<ConvertReport>(module, "ConvertReport", "What a conversion read and wrote.")
+      .def(py::pickle(&reportState, &reportFrom))
       .def("__repr__", shownBy<ConvertReport>([](const ConvertReport& report) {
              return "<ConvertReport " + report.input_format + " (" + std::to_string(report.input_bytes) +
                     " bytes) to " + report.output_format + " (" + std::to_string(report.output_bytes) + " bytes), " +

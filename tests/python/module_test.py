@@ -758,6 +758,36 @@ class Training(Folder):
         self.assertEqual(len(tg.Dataset.load(scene)), 7)
         self.assertRegex(tg.Dataset.load(scene).warnings[0], "^1 of 8 listed images are missing .*train/r_1")
 
+    def test_scores_reports_and_progress_are_copied_and_pickled(self):
+        dataset, model = tg.Dataset.load(self.scene.name), tg.Model.load(SAMPLE)
+        progress = tg.Trainer(dataset, iterations=3, texture_mode="none").progress
+        found = tg.evaluate(model, dataset, flip=True)
+        plain = tg.evaluate(model, dataset).mean
+        name = os.fsdecode(b"n\xf6me")
+        model.save(self.folder / name / "lod-meta.json")
+        (self.folder / name / "0/cameras.json").write_text("{")
+        warned = tg.convert(self.folder / name / "lod-meta.json", self.folder / "a.ply")
+        self.assertIn(name, "".join(warned.warnings))
+        measured = tg.convert(SAMPLE, self.folder / "a.sog", target_size=300000, measure=True)
+        self.assertGreater(len(found.warnings), 0)
+
+        def values(given):
+            names = [each for each, member in vars(type(given)).items() if isinstance(member, property)]
+            self.assertGreater(len(names), 3)
+            return {each: [values(view) for view in getattr(given, each)] if each == "views" else
+                    values(getattr(given, each)) if each == "mean" else getattr(given, each) for each in names}
+
+        for given in progress, found, found.views[1], plain, warned, measured:
+            for again in (copy.copy(given), copy.deepcopy(given), *(
+                    pickle.loads(pickle.dumps(given, protocol)) for protocol in range(pickle.HIGHEST_PROTOCOL + 1))):
+                self.assertIsNot(again, given)
+                self.assertEqual((type(again), values(again)), (type(given), values(given)))
+            kind = type(given)
+            version, *rest = given.__getstate__()
+            for state in (), (version + 1, *rest), (version, *rest, 0), (float(version), *rest):
+                self.refused("usage", f": expected a state of {1 + len(rest)} values, the first {version}, found ",
+                             kind.__new__(kind).__setstate__, state)
+
     def test_numbers_are_written_alike_in_every_locale(self):
         with tempfile.TemporaryDirectory() as folder:
             made = subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", folder + "/de_DE.UTF-8"],
