@@ -340,11 +340,12 @@ ByteImage imageFrom(const py::object& given, const std::string& name) {
   }
   const auto array = arrayFrom<float>(any, "f", expected);
   const int channels = channelsOf(array, name, true);
-  return toBytes({static_cast<int>(array.shape(1)),
-                  static_cast<int>(array.shape(0)),
-                  channels,
-                  {array.data(), array.data() + array.size()}},
-                 "data set: " + name);
+  const Image floats{static_cast<int>(array.shape(1)),
+                     static_cast<int>(array.shape(0)),
+                     channels,
+                     {array.data(), array.data() + array.size()}};
+  const py::gil_scoped_release release;
+  return toBytes(floats, "data set: " + name);
 }
 
 ByteImage maskFrom(const py::object& given, const std::string& name) {
@@ -368,7 +369,8 @@ std::vector<float> colorsFrom(const py::object& given) {
 }
 
 // What `make` makes of each, by its name. One after the other, so that they need not be in memory together, and no more
-// than `most` [cameras], since an iterable may have no end.
+// than `most` [cameras], since an iterable may have no end. Throws what a signal's handler raises, such as an
+// interrupt.
 template <typename Make>
 std::vector<ByteImage> picturesOf(const py::iterable& given, std::size_t most, const std::string& what,
                                   const Make& make) {
@@ -376,6 +378,7 @@ std::vector<ByteImage> picturesOf(const py::iterable& given, std::size_t most, c
   for (const py::handle each : given) {
     if (pictures.size() == most) refuse(what + "s: more than cameras (expected " + std::to_string(most) + ")");
     pictures.push_back(make(py::reinterpret_borrow<py::object>(each), what + " " + std::to_string(pictures.size())));
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   }
   return pictures;
 }

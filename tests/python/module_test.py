@@ -744,6 +744,42 @@ class Training(Folder):
         self.assertEqual(told, ["2 of 3 images have most of their values above 1, which is white (the first: image 1): "
                                 "floats from 0 to 255 want a division by 255"])
 
+    def test_other_threads_and_interrupts_come_between_pictures(self):
+        camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 200, 200)
+        image = np.full((200, 200, 3), 0.5, np.float32)
+        done, counted, seen = threading.Event(), [], []
+
+        def count():
+            while not done.is_set():
+                counted.append(1)
+                time.sleep(0)
+
+        def images():
+            for _ in range(200):  # a busy machine may not come to the other thread during one picture
+                seen.append(len(counted))
+                yield image
+                if len(counted) > seen[0]:
+                    break
+
+        other = threading.Thread(target=count)
+        other.start()
+        interval = sys.getswitchinterval()
+        try:
+            sys.setswitchinterval(100)  # nobody is made to let others go on: whoever lets them does so
+            self.assertRaises(tg.Error, tg.Dataset, images(), [camera] * 201)
+            self.assertLess(len(seen), 200)
+        finally:
+            sys.setswitchinterval(interval)
+            done.set()
+            other.join()
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGALRM, signal.SIG_DFL)
+        unread = iter([image] * 1000)
+        with self.assertRaises(KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, 0.05)
+            tg.Dataset(unread, [camera] * 1000)
+        self.assertGreater(len(list(unread)), 0)
+
     def test_a_data_set_is_copied_as_itself(self):
         dataset = tg.Dataset.load(self.scene.name)
         self.assertIs(copy.copy(dataset), dataset)
