@@ -56,9 +56,9 @@ struct ConvertReport {
   std::vector<std::string> warnings;  // what the format does not hold, a line each
 };
 
-// The output's format is its extension; what is written takes its name once it is complete. Throws Error: usage
-// (also for options that do nothing for these formats, and for a target that no steps reach), cannotRead, badData,
-// cannotWrite (also for a file that is there, without `overwrite`).
+// The output's format is its extension; what is written takes its name once it is complete, a relative one in the
+// working folder as it is then. Throws Error: usage (also for options that do nothing for these formats, and for a
+// target that no steps reach), cannotRead, badData, cannotWrite (also for a file that is there, without `overwrite`).
 ConvertReport convert(const std::filesystem::path& input, const std::filesystem::path& output,
                       const ConvertOptions& options = {});
 
