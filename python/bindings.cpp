@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <new>
 #include <optional>
 #include <span>
 #include <string>
@@ -484,6 +485,13 @@ void bindError(py::module_& module) {
       "What the library refuses, with one line for users.\n\nkind: \"usage\", \"cannot_read\", \"bad_data\", "
       "\"cannot_write\" or \"device\".";
   error.attr("kind") = kKinds[static_cast<int>(ErrorKind::usage)];  // of one that Python makes
+  py::register_local_exception_translator([](std::exception_ptr thrown) {
+    try {
+      if (thrown) std::rethrow_exception(thrown);
+    } catch (const std::bad_alloc&) {
+      PyErr_SetString(PyExc_MemoryError, "the memory that the system grants this process is not enough");
+    }
+  });
   py::register_exception_translator([](std::exception_ptr thrown) {
     try {
       if (thrown) std::rethrow_exception(thrown);

@@ -479,6 +479,19 @@ class Pictures(Folder):
         self.refused("usage", "rotation: expected an array of shape [3, 3]", tg.Camera, np.eye(4), (0, 0, 0), (1, 1),
                      (1, 1), 2, 2)
 
+    def test_memory_that_is_not_there_is_told_in_words(self):
+        if "asan" in os.environ.get("LD_PRELOAD", ""):
+            self.skipTest("AddressSanitizer needs an address space without a limit")
+        run = subprocess.run([sys.executable, "-c", """
+import resource, sys, textured_gaussians as tg
+renderer = tg.Renderer(tg.Model.load(sys.argv[1]))
+camera = tg.look_at((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, 16000, 16000)
+resource.setrlimit(resource.RLIMIT_AS, (1 << 31, resource.RLIM_INFINITY))
+renderer.render(camera)
+""", SAMPLE], env=os.environ | {"PYTHONPATH": FOLDER}, capture_output=True, text=True)
+        self.assertEqual(run.stderr.splitlines()[-1],
+                         "MemoryError: the memory that the system grants this process is not enough")
+
     def test_cameras_are_compared_copied_and_pickled(self):
         model = tg.Model.load(SAMPLE)
         camera = model.cameras[0]
