@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole files: bounds in, all or nothing out.
+#include <sys/inotify.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <new>
 #include <stdexcept>
@@ -17,6 +22,7 @@
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
 #include "core/file/scratch_folder.h"
+#include "core/system/descriptor.h"
 #include "core/system/error.h"
 #include "core/system/signals.h"
 #include "core/system/temporary_files.h"
@@ -124,6 +130,26 @@ TEST_CASE("a copy is whole or not there") {
   REQUIRE(tg::readFile(folder / "c", large.size()) == large);
   REQUIRE(permissionsOf("b") == (perms::owner_read | perms::group_read));
   REQUIRE(permissionsOf("c") == (perms::owner_read | perms::others_read));
+}
+
+TEST_CASE("a copy has its permissions before its content") {
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes(100));
+  std::filesystem::permissions(folder / "a", std::filesystem::perms::owner_read);
+  const tg::Descriptor events(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
+  REQUIRE(::inotify_add_watch(events.get(), folder.path.c_str(), IN_MODIFY | IN_ATTRIB) >= 0);
+  tg::copyFileAtomically(folder / "a", folder / "b");
+  alignas(inotify_event) std::array<char, 4096> buffer;
+  const ssize_t size = ::read(events.get(), buffer.data(), buffer.size());
+  std::vector<std::uint32_t> masks;
+  for (ssize_t at = 0; at < size;) {
+    inotify_event event;
+    std::memcpy(&event, buffer.data() + at, sizeof event);
+    masks.push_back(event.mask);
+    at += static_cast<ssize_t>(sizeof event) + event.len;
+  }
+  REQUIRE(std::ranges::find(masks, IN_ATTRIB) != masks.end());
+  CHECK(masks.back() == IN_MODIFY);
 }
 
 TEST_CASE("a copy that finds no room says so") {
