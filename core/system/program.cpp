@@ -138,7 +138,7 @@ void refuseUnknownCommand(const CLI::App& app, int argc, char** argv) {
 void refuseEmptyNames(const CLI::App& app) {
   for (const CLI::Option* option : app.get_options()) {
     const std::string type = option->get_type_name();
-    const bool names_file = type == "FILE" || type == "FOLDER";
+    const bool names_file = type == "FILE" || type.starts_with("FOLDER");
     if (!names_file && type != "[ADDRESS:]PORT") continue;
     if (std::ranges::find(option->results(), "") == option->results().end()) continue;
     throw Error(ErrorKind::usage, option->get_name() + ": an empty " + (names_file ? "file name" : "address"));

@@ -522,6 +522,7 @@ TEST_CASE("what is missing is named, and nothing else", "[programs]") {
            {"'' -o m.tgz", "dataset: an empty file name"},
            {"scene -o ''", "--output: an empty file name"},
            {"photos photos -o ''", "--output: an empty file name"},
+           {"photos '' -o m.tgz", "dataset: an empty file name"},
            {"plot", "plot: expected a run folder and -o curves.svg (see tgtrain plot --help)"},
            {"plot run", "plot: expected -o curves.svg (see tgtrain plot --help)"},
            {"plot -o a.svg", "plot: expected a run folder (see tgtrain plot --help)"},
