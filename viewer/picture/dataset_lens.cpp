@@ -68,6 +68,12 @@ bool anyBendsText(std::span<const std::uint8_t> bytes) {
   return false;
 }
 
+// As training: beside the files of text, and without its images.bin.
+bool isStray(const fs::path& file) {
+  const fs::path model = file.parent_path();
+  return file.extension() == ".bin" && !isFile(model / "images.bin") && isFile(model / "cameras.txt");
+}
+
 // A key of a frame, or else of all of them; null where neither has it.
 nlohmann::json said(const nlohmann::json& top, const nlohmann::json& frame, const char* key) {
   for (const nlohmann::json* object : {&frame, &top}) {
@@ -99,7 +105,7 @@ bool hasLens(const fs::path& dataset) {
        {"sparse/0/cameras.bin", "sparse/0/cameras.txt", "sparse/cameras.bin", "sparse/cameras.txt",
         "transforms_train.json", "transforms.json", "colmap/sparse/0/cameras.bin", "colmap/sparse/0/cameras.txt"}) {
     const fs::path file = dataset / name;
-    if (!isFile(file)) continue;
+    if (!isFile(file) || isStray(file)) continue;
     try {
       const std::vector<std::uint8_t> bytes = readFile(file, kMaxDescriptionBytes);
       if (file.extension() == ".bin") return anyBendsBinary(bytes);

@@ -163,6 +163,7 @@ TEST_CASE("a data set whose cameras have a lens is told by their files") {
     write("sparse/0/cameras.txt", text);
     CHECK(haveLens() == lens);
   }
+  touch(folder / "sparse/0/images.bin");
   // Of cameras.bin: a SIMPLE_PINHOLE before one of another model.
   for (const double coefficient : {0.0, 0.05}) {
     std::string bytes;
@@ -182,4 +183,6 @@ TEST_CASE("a data set whose cameras have a lens is told by their files") {
     write("sparse/0/cameras.bin", bytes.substr(0, bytes.size() - 1));
     CHECK_FALSE(haveLens());
   }
+  std::filesystem::remove(folder / "sparse/0/images.bin");
+  CHECK(haveLens());  // by the text: training reads that beside a stray cameras.bin
 }
