@@ -418,7 +418,7 @@ TEST_CASE("a stage whose database took not all is not done", "[photos]") {
 
 TEST_CASE("a model that COLMAP did not write to its end is no model", "[photos]") {
   const Trial trial;
-  const fs::path file = trial / "models/0" / GENERATE(std::string("images.bin"), "points3D.bin");
+  const fs::path file = trial / "models/0" / GENERATE(std::string("cameras.bin"), "images.bin", "points3D.bin");
   CAPTURE(file);
   const std::vector<std::uint8_t> whole = tg::readFile(file, 1 << 20);
   tg::writeFileAtomically(file, std::span(whole).first(whole.size() / 2));
@@ -426,6 +426,14 @@ TEST_CASE("a model that COLMAP did not write to its end is no model", "[photos]"
   CHECK(full.code == 4);
   CHECK_THAT(full.output, Contains("model.photos/sparse.part/0/" + file.filename().string() + ": ") &&
                               Contains(": not written to its end, as on a full disk\n"));
+  // Of a COLMAP that failed what it said is told.
+  fs::rename(trial / "bin/colmap", trial / "bin/whole");
+  trial.script("colmap", "bin/whole \"$@\"; [ \"$1\" != mapper ] || { echo 'what a pity'; exit 1; }");
+  const Outcome failed = trial.photos("photos -o model.tgz" + kShort);
+  CHECK(failed.code == 3);
+  CHECK_THAT(failed.output, Contains("tgtrain: model.photos/logs/cameras.txt: colmap failed (exit code 1): ") &&
+                                Contains("what a pity\n") && !Contains("full disk"));
+  fs::rename(trial / "bin/whole", trial / "bin/colmap");
   tg::writeFileAtomically(file, whole);
   const Outcome on = trial.photos("photos -o model.tgz" + kShort);
   INFO(on.output);

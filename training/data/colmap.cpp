@@ -475,6 +475,7 @@ DatasetIndex readColmap(const fs::path& folder, bool normalize) {
 
 ColmapSummary summarizeColmap(const fs::path& model) {
   ColmapSummary summary;
+  (void)readCamerasBinary(model / "cameras.bin");
   for (const ColmapImage& image : readImagesBinary(model / "images.bin")) summary.images.push_back(image.name);
   Reader reader(model / "points3D.bin");
   summary.points = reader.readCount(51, "points");

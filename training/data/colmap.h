@@ -13,7 +13,8 @@ struct ColmapSummary {
   std::size_t points = 0;
   double error = 0;  // mean over the points of their mean reprojection errors [px]
 };
-// Of a folder with images.bin and points3D.bin. Throws Error(cannotRead / badData).
+// Of a folder with cameras.bin, images.bin and points3D.bin, all read to their ends. Throws Error(cannotRead /
+// badData).
 ColmapSummary summarizeColmap(const std::filesystem::path& model);
 
 }  // namespace tg

@@ -91,7 +91,7 @@ std::vector<std::string> childEnvironment() {
 // Of what a library writes about a program that dies: after the cause, and longer.
 bool isOfStackTrace(std::string_view line) {
   line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
-  return std::ranges::any_of(std::array{"@ ", "*** ", "PC: @ "},
+  return std::ranges::any_of(std::array{"@ ", "PC: @ ", "*** Check failure stack trace", "*** Aborted at ", "*** SIG"},
                              [&](const char* start) { return line.starts_with(start); });
 }
 

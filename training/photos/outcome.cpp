@@ -107,7 +107,7 @@ std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std:
       reasons[i] = "too little to hold on to: " + std::to_string(seen.features) + " features, blurred or bare";
     } else if (seen.pairs == 0) {
       reasons[i] = "nothing in common with another photograph that it was matched with";
-    } else if (seen.deep == 0) {
+    } else if (!has_model && seen.deep == 0) {
       reasons[i] = "no match of " + std::to_string(seen.pairs) +
                    " shows depth, as from one place or of something flat: step aside between photographs";
     } else {
@@ -121,10 +121,15 @@ std::vector<std::string> whyLeftOut(const fs::path& file, const std::vector<std:
   return reasons;
 }
 
-bool forgetMatches(const fs::path& file) {
+void forgetMatches(const fs::path& file) {
   const Database database = open(file, SQLITE_OPEN_READWRITE);
-  return database && sqlite3_exec(database.get(), "DELETE FROM matches; DELETE FROM two_view_geometries;", nullptr,
-                                  nullptr, nullptr) == SQLITE_OK;
+  const int result = database ? sqlite3_exec(database.get(), "DELETE FROM matches; DELETE FROM two_view_geometries;",
+                                             nullptr, nullptr, nullptr)
+                              : SQLITE_CANTOPEN;
+  if (result == SQLITE_BUSY) throw Error(ErrorKind::cannotWrite, file.string(), "another program holds it");
+  if (result != SQLITE_OK) {
+    throw Error(ErrorKind::badData, file.string(), "no database of COLMAP (remove it to start anew)");
+  }
 }
 
 }  // namespace tg

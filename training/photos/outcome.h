@@ -20,13 +20,15 @@ struct FoundModel {
 // throws Error(badData / cannotRead).
 std::vector<FoundModel> findModels(const std::filesystem::path& models);
 
-// For each name, what the database knows of why it is in no model: too few features, no pair, pairs without depth, a
-// pair too weak. Nothing for a database that cannot be read. `called`: what messages call the photograph of a name.
-// `has_model`: others are in one. SQLite's own files beside the database are gone afterwards.
+// For each name, what the database knows of why it is in no model: too few features, no pair, a pair too weak, and
+// where no photograph is in one, pairs without depth: with guessed focal lengths pairs in a model have none, either.
+// Nothing for a database that cannot be read. `called`: what messages call the photograph of a name. `has_model`:
+// others are in one. SQLite's own files beside the database are gone afterwards.
 std::vector<std::string> whyLeftOut(const std::filesystem::path& database, const std::vector<std::string>& names,
                                     const std::map<std::string, std::string>& called, bool has_model);
 
-// Removes what matching wrote, so that it is done anew. False: not possible.
-bool forgetMatches(const std::filesystem::path& database);
+// Removes what matching wrote, so that it is done anew. Throws Error(cannotWrite) where another program holds the
+// database, Error(badData) where it is none.
+void forgetMatches(const std::filesystem::path& database);
 
 }  // namespace tg

@@ -230,9 +230,7 @@ class Job {
 
   Outcome matches(bool goes_on) {
     const Solver& solver = findSolverOnce();
-    if (!goes_on && !forgetMatches(files().database)) {
-      throw Error(ErrorKind::badData, files().database.string(), "no database of COLMAP (remove it to start anew)");
-    }
+    if (!goes_on) forgetMatches(files().database);
     Pairs pairs;
     if (matching_ == Matching::exhaustive) {
       pairs = allPairs(photographs_.size());
@@ -276,6 +274,15 @@ class Job {
     }
   }
 
+  // Whether COLMAP left one, be it cut off.
+  static bool leftModel(const fs::path& part) {
+    try {
+      return !findModels(part).empty();
+    } catch (const Error&) {
+      return true;
+    }
+  }
+
   // The models of at least so many photographs that COLMAP finds; `why`: in its words, where it finds none.
   std::vector<FoundModel> findCameras(const fs::path& part, std::size_t smallest, int trials, std::string& why) {
     makeEmpty(part);
@@ -286,7 +293,7 @@ class Job {
              [&](std::size_t done) { listener_.progress("cameras", std::min(done, count - 1), count); });
     } catch (const Error& error) {
       // It also fails where it finds none.
-      if (error.kind != ErrorKind::badData || !writtenModels(part).empty()) throw;
+      if (error.kind != ErrorKind::badData || leftModel(part)) throw;
       why = std::string(" (") + error.what() + ")";
     }
     return writtenModels(part);

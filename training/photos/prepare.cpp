@@ -281,7 +281,10 @@ std::vector<Prepared> prepareFolder(const PhotosOptions& options, const fs::path
   for (const fs::path& photograph : list.photographs) {
     const fs::path mask = mask_of.emplace_back(maskOf(options.input, photograph));
     // Whoever reads it says what is wrong with it.
-    if (!mask.empty()) std::erase(list.ignored, nameFrom(options.input, mask));
+    if (mask.empty()) continue;
+    const std::string name = nameFrom(options.input, mask);
+    std::erase(list.ignored, name);
+    std::erase_if(list.closed, [&](const std::string& why) { return why.substr(0, why.rfind(" (")) == name; });
   }
   tellOfOthers(options.input, list, listener);
   const std::vector<std::string> names = plainNames(list.photographs);

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "core/file/file.h"
+#include "core/system/error.h"
 #include "support/catch.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "training/photos/child.h"
 #include "training/photos/film.h"
@@ -276,12 +278,20 @@ TEST_CASE("a photograph without a camera hears why from COLMAP's database", "[ph
   CHECK(reasons[1] == "nothing in common with another photograph that it was matched with");
   CHECK(reasons[2] == "17 points in common with frame 9, its best match of 2, do not tie it to the model");
   CHECK(reasons[3] == "COLMAP could not read it");
-  CHECK(reasons[4] ==
+  // Without a known focal length 6 is what ordinary pairs have, too.
+  CHECK(reasons[4] == "99 points in common with frame 9, its best match of 2, do not tie it to the model");
+  CHECK(why({"f.jpg"}, false)[0] ==
         "no match of 2 shows depth, as from one place or of something flat: step aside between photographs");
   CHECK(why({"d.jpg"}, false)[0] == "17 points in common with frame 9, its best match of 2, begin no model");
-  CHECK(tg::forgetMatches(folder / "d.db"));
+  REQUIRE(sqlite3_open((folder / "d.db").c_str(), &database) == SQLITE_OK);
+  run("BEGIN EXCLUSIVE;");
+  CHECK(tg::test::messageOf([&] { tg::forgetMatches(folder / "d.db"); }, tg::ErrorKind::cannotWrite) ==
+        (folder / "d.db").string() + ": another program holds it");
+  sqlite3_close(database);
+  CHECK_NOTHROW(tg::forgetMatches(folder / "d.db"));
   CHECK(why({"d.jpg"})[0] == reasons[1]);
   tg::writeTextAtomically(folder / "none.db", "no database, but long enough to be looked into by a library");
   CHECK(tg::whyLeftOut(folder / "none.db", {"d.jpg"}, {}, true)[0].empty());
-  CHECK_FALSE(tg::forgetMatches(folder / "none.db"));
+  CHECK(tg::test::messageOf([&] { tg::forgetMatches(folder / "none.db"); }, tg::ErrorKind::badData) ==
+        (folder / "none.db").string() + ": no database of COLMAP (remove it to start anew)");
 }
