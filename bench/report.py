@@ -136,8 +136,8 @@ def shares(trials):
                     for table in paper.SHARES.values())]
                  for share in SHARES])
     yield Text(f"{OWN_SCENE} was rendered for this project, of printed matter, which textures suit: it carries the means. "
-               "The pictures are smaller than the paper's (800 x 800 of Blender's), so that a texel has fewer pixels to "
-               "explain.")
+               "Why the others gain more at 1 and 2 % than the paper's scenes is not known; it is not that pictures are "
+               "smaller here ([lab/quality.md](lab/quality.md#what-a-limit-needs)).")
     start, more = (gain_deviations(trials, over) for over in ("start", "twin"))
     yield Text(f"RGBA is ahead of stage 1 by more than {TIE} dB in {wins(over_stage_1)} cells, of the twin in "
                f"{wins(over_twin)}. It is behind stage 1 by more than {TIE} dB in {losses(over_stage_1)}; behind the twin "
