@@ -432,6 +432,31 @@ def dropped(browser, page, file):
     expect("no link leads to it", until(browser, f"{words}.startsWith('No link: ')", 5) and
            browser.evaluate("location.hash") == "", browser.evaluate(f"[location.hash, {words}]"))
 
+    # Two at once: what is shown is named, and what was refused is told.
+    broken = file.with_name("broken.glb")
+    broken.write_bytes(b"no model")
+    title = "document.title"
+    for later, refusal in ((broken, f"{broken.name}: "), (file.parent, f"{file.parent.name}: a folder")):
+        browser.page("Page.navigate", url="about:blank")
+        browser.open(page, 640, 480)
+        browser.evaluate("""(() => {
+          const open = tgViewer.open.bind(tgViewer);
+          tgViewer.open = async (model) => {
+            window.began = true;
+            await new Promise((done) => { window.goOn = done; });
+            await open(model);
+          };
+        })()""")
+        drop(browser, file)
+        until(browser, "window.began")
+        drop(browser, later)
+        refused = until(browser, f"{words}.startsWith({json.dumps(refusal)})", 5)
+        browser.evaluate("goOn()")
+        named = until(browser, f"{title} === '{file.name}'", 10)
+        found = browser.evaluate(f"[{title}, {words}]")
+        expect(f"a model that is opened while {later.name if later == broken else 'a folder'} is refused has its name, "
+               "and the refusal stays", refused and named and found[1].startswith(refusal), found)
+
 
 def device_lost(browser, page, size):
     """The page without its device: while it loads, afterwards, and for long."""

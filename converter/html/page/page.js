@@ -105,6 +105,12 @@ async function readPayload() {
   return readModel(bytes);
 }
 
+// Why nothing is opened of what was dropped, or ''.
+function refusalOf(files, entry) {
+  if (files.length > 1) return `and ${files.length - 1} more at once (expected one .glb or .sog)`;
+  return entry && entry.isDirectory ? 'a folder (expected a .glb or .sog)' : '';
+}
+
 // Another file dropped on the page. A broken one is reported and leaves the old model.
 function listenToDrops(viewer, panel) {
   let drops = 0;
@@ -112,18 +118,18 @@ function listenToDrops(viewer, panel) {
     const {files, items} = event.dataTransfer, [file] = files;
     if (!file) return;
     const [entry] = [...items].map((item) => item.webkitGetAsEntry()).filter(Boolean);  // none once the event is over
+    const refusal = refusalOf(files, entry);
+    showMessage(refusal && `${file.name}: ${refusal}`);
+    if (refusal) return;
     const own = ++drops;
-    showMessage('');
     try {
-      if (files.length > 1) throw new Error(`and ${files.length - 1} more at once (expected one .glb or .sog)`);
-      if (entry && entry.isDirectory) throw new Error('a folder (expected a .glb or .sog)');
       showLoading(SHARES.come);
       const model = await readModel(new Uint8Array(await file.arrayBuffer()));
       if (own !== drops) return;  // a later one is wanted
       showLoading(SHARES.read);
       await viewer.open(model);
-      if (own !== drops) return;
-      showMessage(viewer.model.notes.join(' '), 'note');
+      if (viewer.model !== model) return;
+      if (own === drops && model.notes.length > 0) showMessage(model.notes.join(' '), 'note');
       panel.name = document.title = file.name;
       panel.fromAddress = false;
       panel.fill();
