@@ -186,6 +186,13 @@ def at_a_desk(browser, page):
           return [document.activeElement.id, tgViewer.cameraIndex];
         }})()""")
         expect(f"a camera that is picked after a {begins} leaves the keys to the {where}", at == [where, first], at)
+    at = browser.evaluate("""(() => {
+      const field = document.getElementById('background');
+      field.focus();
+      for (const kind of ['pointerdown', 'change']) field.dispatchEvent(new Event(kind));
+      return document.activeElement.id;
+    })()""")
+    expect("a colour's field stays, whose picker may be open yet", at == "background", at)
     browser.evaluate("document.activeElement.blur()")
 
     eye = "tgViewer.orbit.camera.eye.map((x) => x.toFixed(4)).join()"

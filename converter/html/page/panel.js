@@ -72,12 +72,13 @@ function press(id, value) {
   for (const button of element(id).children) button.setAttribute('aria-pressed', String(button.textContent === value));
 }
 
-// A field that was set by pointer leaves the keyboard to the picture; in one of a keyboard's user it stays.
-function giveKeysBack(field) {
+// A list that was set by pointer leaves the keyboard to the picture; in one of a keyboard's user it stays. Not for the
+// field of a colour, whose change WebKit tells while its picker is open.
+function giveKeysBack(list) {
   let byPointer = false;
-  field.addEventListener('pointerdown', () => { byPointer = true; });
-  field.addEventListener('keydown', () => { byPointer = false; });
-  field.addEventListener('change', () => {
+  list.addEventListener('pointerdown', () => { byPointer = true; });
+  list.addEventListener('keydown', () => { byPointer = false; });
+  list.addEventListener('change', () => {
     if (byPointer) element('picture').focus({preventScroll: true});
   });
 }
@@ -104,7 +105,7 @@ class Panel {
       viewer.settings.background = [bits >> 16, bits >> 8 & 255, bits & 255].map((byte) => byte / 255);
       viewer.changed();
     };
-    for (const id of ['camera', 'background']) giveKeysBack(element(id));
+    giveKeysBack(element('camera'));
     addEventListener('keydown', (event) => this.key(event));
     viewer.onChange = () => this.update();
     this.open(innerWidth > SMALL[0] && innerHeight > SMALL[1]);
