@@ -167,6 +167,10 @@ def show_element(browser, address, references):
     rings = browser.evaluate("[getComputedStyle(named.canvas).outlineStyle,"
                              " getComputedStyle(named.shadowRoot.querySelector('i')).display]")
     expect("that shows where the keyboard is, by a light ring and a dark one", rings == ["solid", "block"], rings)
+    browser.page("Emulation.setEmulatedMedia", features=[{"name": "forced-colors", "value": "active"}])
+    dark = browser.evaluate("getComputedStyle(named.shadowRoot.querySelector('i')).borderTopColor")
+    expect("which stays dark in colours of the system's own", dark == "rgb(16, 17, 20)", dark)
+    browser.page("Emulation.setEmulatedMedia", features=[])
     browser.evaluate("named.canvas.blur()")
     dark = browser.evaluate("getComputedStyle(named.shadowRoot.querySelector('i')).display")
     expect("and that it is not", dark == "none", dark)

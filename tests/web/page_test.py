@@ -162,6 +162,10 @@ def at_a_desk(browser, page):
     pressed = {ground for state, ground in grounds if state == "true"}
     expect("in colours of the system's own a pressed button is told from others",
            len(pressed) == 1 and pressed.isdisjoint({ground for state, ground in grounds if state == "false"}), grounds)
+    browser.evaluate("document.getElementById('picture').focus({focusVisible: true})")
+    inner = "getComputedStyle(document.getElementById('stage'), '::after')"
+    ring = browser.evaluate(f"{inner}.borderTopColor")
+    expect("the picture's inner ring stays dark there", ring == "rgb(16, 17, 20)", ring)
     browser.page("Emulation.setEmulatedMedia", media="print", features=[])
     keep(browser, "print")
     printed = browser.evaluate("[...document.querySelectorAll('body *')].filter((e) => e.offsetHeight > 0)"

@@ -15,7 +15,8 @@ canvas { position: absolute; inset: 0; width: 100%; height: 100%; outline: none;
 canvas:active { cursor: grabbing; }
 canvas.still { pointer-events: none; }
 canvas:focus-visible { outline: 2px solid #8fb2ff; outline-offset: -2px; }
-i { display: none; position: absolute; inset: 2px; border: 2px solid #101114; pointer-events: none; }
+i { display: none; position: absolute; inset: 2px; border: 2px solid #101114; pointer-events: none;
+  forced-color-adjust: none; }
 canvas:focus-visible ~ i { display: block; }
 div { position: absolute; left: 0; top: 0; height: 4px; width: 0; background: #5b8af0; transition: width 0.2s; }
 p { position: absolute; left: 12px; right: 12px; bottom: 12px; max-height: calc(100% - 40px); overflow: auto; margin: 0;
