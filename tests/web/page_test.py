@@ -168,6 +168,8 @@ def at_a_desk(browser, page):
     expect("the picture's inner ring stays dark there", ring == "rgb(16, 17, 20)", ring)
     browser.page("Emulation.setEmulatedMedia", media="print", features=[])
     keep(browser, "print")
+    rings = browser.evaluate(f"[getComputedStyle(document.activeElement).outlineStyle, {inner}.display]")
+    expect("paper has no ring of a picture that has the focus", rings == ["none", "none"], rings)
     printed = browser.evaluate("[...document.querySelectorAll('body *')].filter((e) => e.offsetHeight > 0)"
                                ".map((e) => e.id).concat(getComputedStyle(document.body).backgroundColor,"
                                " getComputedStyle(document.getElementById('picture')).objectFit)")
