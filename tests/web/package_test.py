@@ -171,6 +171,12 @@ def show_element(browser, address, references):
     dark = browser.evaluate("getComputedStyle(named.shadowRoot.querySelector('i')).borderTopColor")
     expect("which stays dark in colours of the system's own", dark == "rgb(16, 17, 20)", dark)
     browser.page("Emulation.setEmulatedMedia", features=[])
+    high = browser.evaluate("""(() => {
+        Object.assign(named.style, {height: '40px', aspectRatio: 'auto'});
+        named.words.textContent = 'a word';
+        return named.words.clientHeight - 16;
+    })()""")
+    expect("a line of its words is seen in a small one", high >= 18, high)
     browser.evaluate("named.canvas.blur()")
     dark = browser.evaluate("getComputedStyle(named.shadowRoot.querySelector('i')).display")
     expect("and that it is not", dark == "none", dark)

@@ -19,9 +19,9 @@ i { display: none; position: absolute; inset: 2px; border: 2px solid #101114; po
   forced-color-adjust: none; }
 canvas:focus-visible ~ i { display: block; }
 div { position: absolute; left: 0; top: 0; height: 4px; width: 0; background: #5b8af0; transition: width 0.2s; }
-p { position: absolute; left: 12px; right: 12px; bottom: 12px; max-height: calc(100% - 40px); overflow: auto; margin: 0;
-  padding: 8px 12px; border-radius: 6px; background: #7c2630; color: #fff; font: 13px/1.4 system-ui, sans-serif;
-  overflow-wrap: anywhere; }
+p { position: absolute; left: 12px; right: 12px; bottom: 12px; max-height: max(1.4em, calc(100% - 40px));
+  overflow: auto; margin: 0; padding: 8px 12px; border-radius: 6px; background: #7c2630; color: #fff;
+  font: 13px/1.4 system-ui, sans-serif; overflow-wrap: anywhere; }
 p:empty, div[hidden] { display: none; }`;
 
 const awake = [];  // elements that have a context, the one seen last at the end
