@@ -49,7 +49,7 @@ const eye = {name: '', width: 100, height: 100, fx: 100, fy: 100, cx: 50, cy: 50
 // A canvas as a page lays it out: as large as its style says, else as its pixels.
 function makeCanvas() {
   return {
-    width: 300, height: 150, style: {}, listeners: {},
+    width: 300, height: 150, style: {}, listeners: {}, focused: 0,
     get clientWidth() { return parseFloat(this.style.width) || this.width; },
     get clientHeight() { return parseFloat(this.style.height) || this.clientWidth * this.height / this.width; },
     addEventListener(name, call, {signal} = {}) {
@@ -57,6 +57,7 @@ function makeCanvas() {
       if (signal) signal.addEventListener('abort', () => { delete this.listeners[name]; });
     },
     toDataURL() { return this.seen; },
+    focus() { ++this.focused; },
   };
 }
 
@@ -232,9 +233,9 @@ window.devicePixelRatio = 1;
 
 // The wheel is the page's own where there is nothing to zoom.
 {
-  const turn = (viewer, deltaY, cancelable = true) => {
+  const turn = (viewer, deltaY, cancelable = true, ctrlKey = false) => {
     let taken = false;
-    viewer.canvas.listeners.wheel({deltaY, deltaMode: 0, cancelable, preventDefault: () => { taken = true; }});
+    viewer.canvas.listeners.wheel({deltaY, deltaMode: 0, cancelable, ctrlKey, preventDefault: () => { taken = true; }});
     return taken;
   };
   const empty = await makeViewer({model: null}), viewer = await makeViewer();
@@ -249,12 +250,21 @@ window.devicePixelRatio = 1;
   for (let notch = 0; notch < 12; ++notch) turn(viewer, 100);
   const share = viewer.orbit.distance / far;
   expect('a wheel turned there and back', Math.abs(share - 1) < 1e-6, share);
-  const scrolls = (button) => {
+  const near = viewer.orbit.distance;
+  turn(viewer, 120, true, true);  // a notch, not a pinch
+  const notch = viewer.orbit.distance / near;
+  expect('a wheel with Ctrl', notch > 1.1 && notch < 1.6, notch);
+  const scrolls = (button, {canvas} = viewer) => {
     let scrolled = true;
-    viewer.canvas.listeners.mousedown({button, preventDefault: () => { scrolled = false; }});
+    canvas.listeners.mousedown({button, preventDefault: () => { scrolled = false; }});
     return scrolled;
   };
-  expect('a middle button, which scrolls pages', scrolls(0) && !scrolls(1) && scrolls(2), [0, 1, 2].map(scrolls));
+  expect('a middle button, which scrolls pages', scrolls(0) && !scrolls(1) && scrolls(2),
+         [0, 1, 2].map((one) => scrolls(one)));
+  expect('one before there is a model', scrolls(1, empty) && empty.canvas.focused === 0, empty.canvas.focused);
+  const {focused} = viewer.canvas;
+  scrolls(1);
+  expect('the focus that it gives', viewer.canvas.focused === focused + 1, viewer.canvas.focused - focused);
   const own = Object.keys((await makeViewer()).canvas.listeners).join();
   const left = ({canvas}) => Object.keys(canvas.listeners).join();
   const stop = listenToHands(viewer);

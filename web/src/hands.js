@@ -5,6 +5,7 @@ const TURN = 0.09;                // [rad] an arrow key
 const STEP = 0.05;                // of the picture's height, of an arrow key with Shift
 const ZOOM = 1.1;
 const MOST_PIXELS = 4000;         // of a wheel's event, which in a slow frame stands for many
+const MOST_PINCHED = 300;         // of one with Ctrl, which may be a notch of a mouse's wheel
 const ARROWS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
 // Whether fingers have enlarged the page: its reader may see the canvas alone.
@@ -63,7 +64,9 @@ export function listenToHands(viewer) {
   }
   listen('contextmenu', (event) => event.preventDefault());
   listen('mousedown', (event) => {
-    if (event.button === 1) event.preventDefault();  // by which browsers begin to scroll the page
+    if (event.button !== 1 || !viewer.model) return;
+    event.preventDefault();  // browsers begin to scroll the page by it, and give the focus
+    canvas.focus({preventScroll: true});
   });
   listen('wheel', (event) => {
     // Where there is nothing to zoom the page scrolls. A gesture that began so cannot be taken later.
@@ -72,7 +75,8 @@ export function listenToHands(viewer) {
     if (event.deltaY === 0) return;
     // A pinch on a trackpad comes as a wheel with Ctrl, in steps of a few pixels.
     const pixels = event.deltaY * (event.deltaMode === 0 ? 1 : 16) * (event.ctrlKey ? 8 : 1);
-    viewer.orbit.dolly(Math.exp(0.0015 * Math.max(-MOST_PIXELS, Math.min(MOST_PIXELS, pixels))));
+    const most = event.ctrlKey ? MOST_PINCHED : MOST_PIXELS;
+    viewer.orbit.dolly(Math.exp(0.0015 * Math.max(-most, Math.min(most, pixels))));
     moved();
   }, {passive: false});
   return stop;
