@@ -362,10 +362,11 @@ def on_a_phone(browser, page):
     browser.touch([(100 - 3 * k, 250) for k in range(11)], [(200 + 3 * k, 250) for k in range(11)])
     expect("on the panel two enlarge the page", until(browser, f"{enlarged} > 1.2", 5), browser.evaluate(enlarged))
     browser.evaluate("document.getElementById('panel').hidden = true")
+    before = browser.evaluate(distance)
     browser.touch([(60 + 11 * k, 600) for k in range(11)], [(330 - 11 * k, 600) for k in range(11)])
     expect("and on the picture two make it as large as it was", until(browser, f"{enlarged} === 1", 5),
            browser.evaluate(enlarged))
-    before = browser.evaluate(distance)
+    expect("and the model as far", browser.evaluate(distance) == before, [before, browser.evaluate(distance)])
     browser.touch([(60 + 11 * k, 600) for k in range(11)], [(330 - 11 * k, 600) for k in range(11)])
     expect("where they zoom again", until(browser, f"{distance} > 1.5 * {before}", 5), browser.evaluate(distance))
     browser.fingers(0)

@@ -305,6 +305,48 @@ window.devicePixelRatio = 1;
   enlarge(2);
   expect('a viewer that was disposed of there', !canvas.style.touchAction, canvas.style);
   enlarge(1);
+  // Without a doctype the body is what scrolls, and the root as wide as its style says.
+  document.documentElement.clientWidth = 1400;
+  document.scrollingElement = {clientWidth: 390};
+  const quirky = await makeViewer();
+  listenToHands(quirky);
+  expect('a page in quirks mode', !quirky.canvas.style.touchAction, quirky.canvas.style);
+  document.documentElement.clientWidth = 390;
+  delete document.scrollingElement;
+
+  // The page's own style stays.
+  for (const end of ['stop', 'dispose']) {
+    const viewer = await makeViewer(), {style} = viewer.canvas, seen = [];
+    style.touchAction = 'none';
+    const stop = listenToHands(viewer);
+    for (const times of [1, 2, 1, 2]) {
+      enlarge(times);
+      seen.push(style.touchAction);
+    }
+    if (end === 'stop') stop(); else dispose(viewer);
+    seen.push(style.touchAction);
+    expect(`a canvas with a style of its own to ${end}`, seen.join() === 'none,pinch-zoom,none,pinch-zoom,none', seen);
+    enlarge(1);
+  }
+
+  // Of two fingers there the first steps come to the page before the browser takes them.
+  const pinched = await makeViewer();
+  pinched.canvas.setPointerCapture = () => {};
+  listenToHands(pinched);
+  const finger = (name, pointerId, clientX) => pinched.canvas.listeners[name](
+    {pointerId, isPrimary: pointerId === 1, clientX, clientY: 50, buttons: 1});
+  const zoomOf = (times) => {
+    enlarge(times);
+    const {distance} = pinched.orbit;
+    finger('pointerdown', 1, 20);
+    finger('pointerdown', 2, 40);
+    finger('pointermove', 2, 80);
+    for (const id of [1, 2]) finger('pointerup', id, 0);
+    return pinched.orbit.distance / distance;
+  };
+  expect('two fingers', Math.abs(zoomOf(1) - 1 / 3) < 1e-6, zoomOf(1));
+  expect('two on a page that is enlarged', zoomOf(2) === 1, zoomOf(2));
+  enlarge(1);
 }
 
 // What there is not is told, and the view stays.

@@ -10,13 +10,18 @@ const ARROWS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowD
 
 // Whether fingers have enlarged the page: its reader may see the canvas alone.
 function pageIsEnlarged() {
-  return visualViewport.width < 0.99 * document.documentElement.clientWidth;
+  const {clientWidth} = document.scrollingElement || document.documentElement;  // the body in quirks mode
+  return visualViewport.width < 0.99 * clientWidth;
 }
 
 // Until the function that it returns is called, or the viewer is disposed of.
 export function listenToHands(viewer) {
-  const {canvas} = viewer;
-  const end = new AbortController(), stop = () => end.abort();
+  const {canvas} = viewer, {touchAction} = canvas.style;
+  const end = new AbortController();
+  const stop = () => {
+    end.abort();
+    canvas.style.touchAction = touchAction;
+  };
   const listen = (name, call, options) => canvas.addEventListener(name, call, {...options, signal: end.signal});
   viewer.end.signal.addEventListener('abort', stop, {signal: end.signal});
   const pointers = new Map();
@@ -32,7 +37,7 @@ export function listenToHands(viewer) {
     viewer.changed(true);
   };
   // Two fingers are the page's while it is enlarged: else there may be no way back.
-  const shareFingers = () => { canvas.style.touchAction = pageIsEnlarged() ? 'pinch-zoom' : ''; };
+  const shareFingers = () => { canvas.style.touchAction = pageIsEnlarged() ? 'pinch-zoom' : touchAction; };
   visualViewport.addEventListener('resize', shareFingers, {signal: end.signal});
   shareFingers();
   listen('pointerdown', (event) => {
@@ -45,6 +50,7 @@ export function listenToHands(viewer) {
     if (!pointers.has(event.pointerId) || !viewer.model) return;
     const before = middle();
     pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
+    if (pointers.size > 1 && pageIsEnlarged()) return;  // the browser is about to take them
     const after = middle();
     const dx = after.x - before.x, dy = after.y - before.y;
     if (dx === 0 && dy === 0 && after.spread === before.spread) return;
