@@ -2,13 +2,14 @@
 """What pybind11 does otherwise than the module: of arguments of wrong types it prints all that they hold, which may be
 megabytes; its functions have names that nothing has; and pickling its objects by protocol 0 or 1 ends the process."""
 import functools
+import numbers
 
 
 def _type(value):
     name = type(value).__name__
-    if type(value) is int:  # whose type may be right and its size wrong
-        bits = value.bit_length()
-        return f"int {value}" if bits <= 64 else f"int of {bits} bits"
+    if isinstance(value, numbers.Integral) and not isinstance(value, bool):  # whose type may be right, its size wrong
+        bits = int(value).bit_length()
+        return f"{name} {int(value)}" if bits <= 64 else f"{name} of {bits} bits"
     held = list(dict.fromkeys(type(each).__name__ for each in value)) if type(value) in (list, tuple) else []
     return f"{name}[{' | '.join(held[:3] + ['...'] * (len(held) > 3))}]" if held else name
 

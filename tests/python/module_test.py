@@ -244,7 +244,10 @@ class Refusals(Folder):
                 ("int 9223372036854775808", dataset.photograph, (1 << 63,), {}),
                 ("int of 33220 bits", dataset.photograph, (10 ** 10000,), {}),
                 ("str, str, target_size=int -1", tg.convert, (SAMPLE, "a.ply"), {"target_size": -1}),
-                ("bool, int 1, int 2147483648", tg.look_at, (True, 1, 1 << 31), {})):
+                ("bool, int 1, int 2147483648", tg.look_at, (True, 1, 1 << 31), {}),
+                ("tuple[int], tuple[int], tuple[int], float, int64 1099511627776, int 3", tg.look_at,
+                 ((0, 0, -6), (0, 0, 0), (0, -1, 0), 0.8, np.int64(1 << 40), 3), {}),
+                ("uint64 9223372036854775808", dataset.photograph, (np.uint64(1 << 63),), {})):
             with self.subTest(end=end), self.assertRaises(TypeError) as caught:
                 call(*given, **named)
             self.assertEqual(str(caught.exception).rpartition("\nFound: ")[2], end)
