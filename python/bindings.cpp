@@ -67,12 +67,18 @@ struct py::detail::handle_type_name<ValueText> {
 
 namespace {
 
+// Whether it is an object of the class; isinstance() believes its __class__.
+template <typename Value>
+bool isOf(py::handle object) {
+  return PyObject_TypeCheck(object.ptr(), py::detail::get_type_info(typeid(Value))->type) != 0;
+}
+
 // Whether it is an object of the class whose __init__ has not run, or has thrown: of such a one pybind11 makes memory
 // that nothing was written to. What shows a frame's variables, as pytest does, comes by them.
 template <typename Value>
 bool isUnmade(py::handle object) {
+  if (!isOf<Value>(object)) return false;
   const auto* type = py::detail::get_type_info(typeid(Value));
-  if (!PyObject_TypeCheck(object.ptr(), type->type)) return false;  // isinstance() believes an object's __class__
   return reinterpret_cast<py::detail::instance*>(object.ptr())->get_value_and_holder(type).value_ptr() == nullptr;
 }
 
@@ -105,6 +111,10 @@ namespace {
 template <typename Value, typename Text>
 auto shownBy(const Text& text) {
   return [text](const py::object& self) {
+    if (!isOf<Value>(self)) {
+      throw py::type_error(className<Value>() + ": expected an object of this class, found " +
+                           std::string(py::str(py::type::of(self).attr("__name__"))));
+    }
     return isUnmade<Value>(self) ? "<" + className<Value>() + " that was not made>" : text(self.cast<const Value&>());
   };
 }

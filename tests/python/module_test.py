@@ -326,7 +326,10 @@ refused(tg.Trainer, unmade(tg.Dataset))
 refused(unmade(tg.Trainer).step)
 refused(hash, unmade(tg.Camera))
 refused(lambda: camera == unmade(tg.Camera))
-refused(tg.Renderer, unittest.mock.Mock(spec=tg.Model))  # whose __class__ is Model
+mock = unittest.mock.Mock(spec=tg.Model)  # whose __class__ is Model
+refused(tg.Renderer, mock)
+assert refused(tg.Model.__repr__, mock) == "Model: expected an object of this class, found Mock"
+assert refused(tg.Model.__repr__, 5) == "Model: expected an object of this class, found int"
 
 class Mine(tg.Model):
     def __init__(self):
