@@ -459,6 +459,17 @@ Model makeModel(const ArrayLike& means, const ArrayLike& rotations, const ArrayL
   return Model(data);
 }
 
+// A value of an object's state. Throws Error(usage), which names the object, for one of another type or out of range.
+template <typename Value>
+Value valueOf(const py::tuple& state, std::size_t index, const std::string& name) {
+  try {
+    return state[index].cast<Value>();
+  } catch (const py::cast_error&) {
+    refuse(name + ": value " + std::to_string(index) + " of the state has a wrong type or is out of range (found " +
+           tg::shortened(py::str(py::type::of(state[index]).attr("__name__"))) + ")");
+  }
+}
+
 py::tuple modelState(const py::object& model) {
   const bool textured = model.cast<const Model&>().textureMode() != TextureMode::none;
   const auto texture = [&](const char* name) { return textured ? py::object(model.attr(name)) : py::none(); };
@@ -472,9 +483,10 @@ Model modelFrom(const py::tuple& state) {
   if (state.size() != 12) refuse("model: expected a state of 12 values, found " + std::to_string(state.size()));
   const auto array = [&](std::size_t i) { return py::reinterpret_borrow<ArrayLike>(state[i]); };
   const auto texture = [&](std::size_t i) { return state[i].is_none() ? std::nullopt : std::optional(array(i)); };
-  return makeModel(array(0), array(1), array(2), array(3), array(4), state[5].cast<std::string>(), texture(6),
-                   texture(7), state[8].cast<std::array<float, 3>>(), state[9].cast<std::vector<Camera>>(),
-                   state[10].cast<std::string>(), state[11].cast<std::string>());
+  return makeModel(array(0), array(1), array(2), array(3), array(4), valueOf<std::string>(state, 5, "model"),
+                   texture(6), texture(7), valueOf<std::array<float, 3>>(state, 8, "model"),
+                   valueOf<std::vector<Camera>>(state, 9, "model"), valueOf<std::string>(state, 10, "model"),
+                   valueOf<std::string>(state, 11, "model"));
 }
 
 py::ssize_t gaussians(const Model& model) { return static_cast<py::ssize_t>(model.size()); }
@@ -539,14 +551,14 @@ py::tuple stateOf(const Camera& camera) {
 Camera cameraFrom(const py::tuple& state) {
   Camera camera;
   if (state.size() != 8) refuse("camera: expected a state of 8 values, found " + std::to_string(state.size()));
-  camera.rotation = state[0].cast<decltype(camera.rotation)>();
-  camera.translation = state[1].cast<decltype(camera.translation)>();
-  camera.focal = state[2].cast<decltype(camera.focal)>();
-  camera.center = state[3].cast<decltype(camera.center)>();
-  camera.width = state[4].cast<int>();
-  camera.height = state[5].cast<int>();
-  camera.name = state[6].cast<std::string>();
-  camera.test = state[7].cast<bool>();
+  camera.rotation = valueOf<decltype(camera.rotation)>(state, 0, "camera");
+  camera.translation = valueOf<decltype(camera.translation)>(state, 1, "camera");
+  camera.focal = valueOf<decltype(camera.focal)>(state, 2, "camera");
+  camera.center = valueOf<decltype(camera.center)>(state, 3, "camera");
+  camera.width = valueOf<int>(state, 4, "camera");
+  camera.height = valueOf<int>(state, 5, "camera");
+  camera.name = valueOf<std::string>(state, 6, "camera");
+  camera.test = valueOf<bool>(state, 7, "camera");
   return camera;
 }
 
@@ -801,8 +813,10 @@ py::tuple progressState(const TrainProgress& progress) {
 
 TrainProgress progressFrom(const py::tuple& state) {
   requireState(state, kProgressState, 8, "progress");
-  return {state[1].cast<std::string>(), state[2].cast<int>(),         state[3].cast<int>(),   state[4].cast<double>(),
-          state[5].cast<double>(),      state[6].cast<std::size_t>(), state[7].cast<double>()};
+  return {valueOf<std::string>(state, 1, "progress"), valueOf<int>(state, 2, "progress"),
+          valueOf<int>(state, 3, "progress"),         valueOf<double>(state, 4, "progress"),
+          valueOf<double>(state, 5, "progress"),      valueOf<std::size_t>(state, 6, "progress"),
+          valueOf<double>(state, 7, "progress")};
 }
 
 void bindTraining(py::module_& module) {
@@ -932,8 +946,8 @@ py::tuple scoreState(const ViewScore& score) {
 
 ViewScore scoreFrom(const py::tuple& state) {
   requireState(state, kScoreState, 5, "score");
-  return {state[1].cast<std::string>(), state[2].cast<double>(), state[3].cast<double>(),
-          state[4].cast<std::optional<double>>()};
+  return {valueOf<std::string>(state, 1, "score"), valueOf<double>(state, 2, "score"),
+          valueOf<double>(state, 3, "score"), valueOf<std::optional<double>>(state, 4, "score")};
 }
 
 py::tuple evaluationState(const Evaluation& evaluation) {
@@ -943,8 +957,9 @@ py::tuple evaluationState(const Evaluation& evaluation) {
 
 Evaluation evaluationFrom(const py::tuple& state) {
   requireState(state, kEvaluationState, 5, "evaluation");
-  return {state[1].cast<std::vector<ViewScore>>(), state[2].cast<ViewScore>(), state[3].cast<std::array<float, 3>>(),
-          state[4].cast<std::vector<std::string>>()};
+  return {valueOf<std::vector<ViewScore>>(state, 1, "evaluation"), valueOf<ViewScore>(state, 2, "evaluation"),
+          valueOf<std::array<float, 3>>(state, 3, "evaluation"),
+          valueOf<std::vector<std::string>>(state, 4, "evaluation")};
 }
 
 py::tuple reportState(const ConvertReport& report) {
@@ -954,10 +969,10 @@ py::tuple reportState(const ConvertReport& report) {
 
 ConvertReport reportFrom(const py::tuple& state) {
   requireState(state, kReportState, 9, "report");
-  return {state[1].cast<std::string>(),           state[2].cast<std::string>(),
-          state[3].cast<std::uint64_t>(),         state[4].cast<std::uint64_t>(),
-          state[5].cast<std::size_t>(),           state[6].cast<std::optional<float>>(),
-          state[7].cast<std::optional<double>>(), state[8].cast<std::vector<std::string>>()};
+  return {valueOf<std::string>(state, 1, "report"),           valueOf<std::string>(state, 2, "report"),
+          valueOf<std::uint64_t>(state, 3, "report"),         valueOf<std::uint64_t>(state, 4, "report"),
+          valueOf<std::size_t>(state, 5, "report"),           valueOf<std::optional<float>>(state, 6, "report"),
+          valueOf<std::optional<double>>(state, 7, "report"), valueOf<std::vector<std::string>>(state, 8, "report")};
 }
 
 void bindEvaluation(py::module_& module) {

@@ -4,6 +4,8 @@ megabytes; its functions have names that nothing has; and pickling its objects b
 import functools
 import numbers
 
+MAKERS = "__init__", "__setstate__"
+
 
 def _type(value):
     name = type(value).__name__
@@ -51,10 +53,10 @@ def shorten(scope):
         scope.__reduce_ex__ = _reduce
     for name, member in list(vars(scope).items()):
         known = f"{scope.__qualname__}.{name}" if is_class else name
-        mark = f"1. {scope.__module__}.{scope.__qualname__}(" if name == "__init__" else f"{name}(): incompatible "
+        mark = f"1. {scope.__module__}.{scope.__qualname__}(" if name in MAKERS else f"{name}(): incompatible "
         if isinstance(member, type):
             shorten(member)
         elif isinstance(member, staticmethod):
             setattr(scope, name, staticmethod(_in_short(member.__func__, known, mark)))
-        elif callable(member) and (name == "__init__" or not name.startswith("_")):
+        elif callable(member) and (name in MAKERS or not name.startswith("_")):
             setattr(scope, name, _in_short(member, known, mark, own=int(is_class)))

@@ -843,6 +843,30 @@ class Training(Folder):
                 self.refused("usage", f": expected a state of {1 + len(rest)} values, the first {version}, found ",
                              kind.__new__(kind).__setstate__, state)
 
+    def test_states_of_wrong_types_are_refused(self):
+        dataset, model = tg.Dataset.load(self.scene.name), tg.Model.load(SAMPLE)
+        evaluation = tg.evaluate(model, dataset)
+        for name, given in (("progress", tg.Trainer(dataset).progress), ("evaluation", evaluation),
+                            ("score", evaluation.mean), ("camera", dataset.cameras[0]),
+                            ("report", tg.convert(SAMPLE, self.folder / "a.ply"))):
+            kind, state = type(given), given.__getstate__()
+            for i in range(name != "camera", len(state)):
+                self.refused("usage",
+                             f"{name}: value {i} of the state has a wrong type or is out of range (found dict)",
+                             kind.__new__(kind).__setstate__, (*state[:i], {}, *state[i + 1:]))
+            with self.subTest(name=name), self.assertRaises(TypeError) as caught:
+                kind.__new__(kind).__setstate__("x" * 100000)
+            self.assertTrue(str(caught.exception).endswith("\nFound: str"), str(caught.exception)[-200:])
+        state = model.__getstate__()
+        for i in 5, 8, 9, 10, 11:
+            self.refused("usage", f"model: value {i} of the state has a wrong type or is out of range (found dict)",
+                         tg.Model.__new__(tg.Model).__setstate__, (*state[:i], {}, *state[i + 1:]))
+        for i, found in (2, 1 << 40), (6, -1):
+            state = list(tg.Trainer(dataset).progress.__getstate__())
+            state[i] = found
+            self.refused("usage", f"progress: value {i} of the state has a wrong type or is out of range (found int)",
+                         tg.Progress.__new__(tg.Progress).__setstate__, tuple(state))
+
     def test_numbers_are_written_alike_in_every_locale(self):
         with tempfile.TemporaryDirectory() as folder:
             made = subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", folder + "/de_DE.UTF-8"],
