@@ -4,8 +4,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdint>
-#include <limits>
+#include <cstdio>
+#include <string>
 
 #include "core/system/numbers.h"
 #include "viewer/panels/sections.h"
@@ -67,31 +67,38 @@ void keyTable(ViewerState& state) {
 // Two sides in pixels, between which Tab leads. What is typed counts once both are left, if a picture may have that
 // size; else it is refused with a notice.
 void sizeField(ViewerState& state, const char* id, glm::ivec2& size) {
+  static std::array<std::array<char, 24>, 2> sides;  // as typed, also the one that Tab has left
   ImGuiStorage& kept = *ImGui::GetStateStorage();
-  const ImGuiID frame = ImGui::GetID(id), first = frame + 1, second = frame + 2;
-  std::array<std::int64_t, 2> sides = {size.x, size.y};  // more digits than an int has may be typed
+  const ImGuiID frame = ImGui::GetID(id);
   const bool held = kept.GetInt(frame, -2) == ImGui::GetFrameCount() - 1;
-  if (held) sides = {kept.GetInt(first), kept.GetInt(second)};
+  const float gap = ImGui::GetStyle().ItemInnerSpacing.x, width = (ImGui::CalcItemWidth() - gap) / 2;
   if (held) pushTabStop(true);
-  ImGui::InputScalarN(id, ImGuiDataType_S64, sides.data(), 2);
+  ImGui::BeginGroup();
+  ImGui::PushID(id);
+  for (int i = 0; i < 2; ++i) {
+    auto& side = sides[static_cast<std::size_t>(i)];
+    if (!held) (void)std::snprintf(side.data(), side.size(), "%d", size[i]);
+    if (i > 0) ImGui::SameLine(0, gap);
+    ImGui::PushID(i);
+    ImGui::SetNextItemWidth(width);
+    ImGui::InputText("", side.data(), side.size(),
+                     ImGuiInputTextFlags_CharsDecimal | ImGuiInputTextFlags_AutoSelectAll);
+    ImGui::PopID();
+  }
+  ImGui::PopID();
+  ImGui::EndGroup();
   if (held) popTabStop();
-  const auto side = [](std::int64_t typed) {
-    constexpr std::int64_t kMost = std::numeric_limits<int>::max();
-    return static_cast<int>(std::clamp(typed, -kMost, kMost));
-  };
-  const glm::ivec2 typed(side(sides[0]), side(sides[1]));
-  if (ImGui::IsItemDeactivated() && typed != size) {
-    if (isImageSize(typed.x, typed.y)) {
-      size = typed;
-    } else {
-      notify(state, "No size of a picture: expected " + imageSizeLimits() + ", found " + std::to_string(typed.x) + "x" +
-                        std::to_string(typed.y));
+  if (ImGui::IsItemActive()) {
+    kept.SetInt(frame, ImGui::GetFrameCount());
+  } else if (ImGui::IsItemDeactivated()) {
+    const auto x = parseWhole<int>(sides[0].data()), y = parseWhole<int>(sides[1].data());
+    const std::string typed = std::string(sides[0].data()) + "x" + sides[1].data();
+    if (x && y && isImageSize(*x, *y)) {
+      size = {*x, *y};
+    } else if (typed != std::to_string(size.x) + "x" + std::to_string(size.y)) {
+      notify(state, "No size of a picture: expected " + imageSizeLimits() + ", found " + typed);
     }
   }
-  if (!ImGui::IsItemActive()) return;
-  kept.SetInt(frame, ImGui::GetFrameCount());
-  kept.SetInt(first, typed.x);
-  kept.SetInt(second, typed.y);
 }
 
 void saveTo(ViewerState& state, std::string& file, std::string_view use,

@@ -1296,13 +1296,30 @@ TEST_CASE("the size of a recording is taken when its fields are left, and refuse
   enter();
   type("300");
   CHECK(tab() == field(1));
-  CHECK(leave() == glm::ivec2(300, 200));  // also where nothing is typed there
+  CHECK(state.record.size == glm::ivec2(100, 200));  // not yet
+  CHECK(leave() == glm::ivec2(300, 200));            // also where nothing is typed there
   enter();
   CHECK(tab() == field(1));
   CHECK(tab() == field(0));
   CHECK(leave() == glm::ivec2(300, 200));
   CHECK(tab() == 0);
   CHECK(state.messages.notice.empty());
+  state.record.size = {4096, kMaxImageSide};  // the width alone is too much
+  enter();
+  type("16384");
+  CHECK(tab() == field(1));
+  type("4096");
+  CHECK(leave() == glm::ivec2(kMaxImageSide, 4096));
+  CHECK(state.messages.notice.empty());
+  // No number is taken by its first digits.
+  for (const char* text : {"1.5", "1920*2", "+5", "--5"}) {
+    CHECK(typed(text) == glm::ivec2(kMaxImageSide, 4096));
+    CHECK_THAT(std::exchange(state.messages.notice, ""), Contains("found " + std::string(text) + "x4096"));
+  }
+  enter();
+  interface.press(state, ImGuiKey_Backspace);
+  CHECK(leave() == glm::ivec2(kMaxImageSide, 4096));
+  CHECK_THAT(std::exchange(state.messages.notice, ""), Contains("found x4096"));
   state.record.size = {1, kMaxImageSide};
   CHECK(typed("16000") == glm::ivec2(1, kMaxImageSide));
   CHECK_THAT(state.messages.notice, Contains(imageSizeLimits()));
