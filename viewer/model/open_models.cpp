@@ -271,7 +271,7 @@ void OpenModels::takeFailure(ViewerState& state, const std::string& problem, int
     throw Error(static_cast<ErrorKind>(error_kind), problem);
   }
   state.messages.error = problem;
-  state.messages.notice_until = 0;
+  endNotice(state);
 }
 
 bool OpenModels::takeStreamed(ViewerState& state) {
@@ -334,7 +334,7 @@ void OpenModels::takeNews(ViewerState& state, Stream& stream, SceneStreamer::New
   stream.models = news.models;
   if (!news.problem.empty() && stream.news.lost == 0) {  // of many, the first one
     state.messages.error = news.problem;
-    state.messages.notice_until = 0;
+    endNotice(state);
   }
   if (news.settled && !stream.news.settled) {
     read_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - stream.begun).count();

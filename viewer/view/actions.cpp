@@ -159,8 +159,8 @@ void escape(ViewerState& state) {
   } else if (state.ui.key_time > state.ui.escape_seen && state.ui.key_time < state.ui.escape_seen + kEscapeSeconds) {
     askToQuit(state);
   } else {
-    state.ui.escape_said = true;
     notify(state, "Esc once more ends tgview, and so does Ctrl+Q");
+    state.ui.escape_said = true;
   }
 }
 

@@ -171,7 +171,7 @@ void discardUnsaved(ViewerState& state) {
 }
 
 void sayNotWritten(ViewerState& state, std::optional<FileDialog> dialog, const std::string& problem) {
-  state.messages.notice_until = 0;
+  endNotice(state);
   if (!dialog || isModal(state) || state.desktop.wanted) {
     state.messages.error = problem;
     return;

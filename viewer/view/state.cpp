@@ -136,8 +136,15 @@ int startCamera(std::span<const Camera> cameras) {
 }
 
 void notify(ViewerState& state, std::string text) {
+  endNotice(state);
   state.messages.notice = std::move(text);
   state.messages.notice_until = state.time + kNoticeSeconds;
+}
+
+void endNotice(ViewerState& state) {
+  state.messages.notice_until = 0;
+  state.ui.escape_said = false;
+  state.ui.escape_seen = -1e9;
 }
 
 void attempt(ViewerState& state, const std::function<void()>& action) {
@@ -145,13 +152,13 @@ void attempt(ViewerState& state, const std::function<void()>& action) {
     action();
   } catch (const Error& error) {
     state.messages.error = error.what();
-    state.messages.notice_until = 0;
+    endNotice(state);
   } catch (const std::bad_alloc&) {
     state.messages.error = "There is not enough memory for this";
-    state.messages.notice_until = 0;
+    endNotice(state);
   } catch (const std::filesystem::filesystem_error& error) {
     state.messages.error = printable(error.what());
-    state.messages.notice_until = 0;
+    endNotice(state);
   }
 }
 

@@ -221,7 +221,9 @@ void replaceCameras(ViewerState& state, std::vector<Camera> cameras);
 void setCamera(ViewerState& state, const Camera& camera);  // any pose and lens, from a file for example
 // The camera that setScene and --render start from; -1: the model has none.
 int startCamera(std::span<const Camera> cameras);
+// What the notice before said of Esc holds no longer, in both.
 void notify(ViewerState& state, std::string text);
+void endNotice(ViewerState& state);
 // Shows what an action throws as the viewer's error.
 void attempt(ViewerState& state, const std::function<void()>& action);
 

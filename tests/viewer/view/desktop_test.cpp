@@ -242,6 +242,26 @@ TEST_CASE("a second Esc quits only once the window has shown that it does") {
   CHECK(quitsBy(state.time));
 }
 
+TEST_CASE("a second Esc does not quit where something else stands in the place of its notice") {
+  ViewerState state = stateWithModel();
+  const bool is_shown = GENERATE(false, true), is_error = GENERATE(false, true);
+  CAPTURE(is_shown, is_error);
+  state.time = 100;
+  CHECK(pressKey(state, kKeyEscape, false, state.time));
+  if (is_shown) test::frameShown(state);
+  if (is_error) {
+    attempt(state, [] { throw Error(ErrorKind::badData, "broken"); });
+  } else {
+    notify(state, "Saved a.png");
+  }
+  test::frameShown(state);
+  if (is_error) press(state, kKeyEscape);
+  press(state, kKeyEscape);
+  CHECK_FALSE(state.quit);
+  press(state, kKeyEscape);
+  CHECK(state.quit);
+}
+
 TEST_CASE("Esc ends what the pointer does and what goes on before it leaves the program") {
   ViewerState state = stateWithModel();
   const bool turns = GENERATE(false, true);
