@@ -26,7 +26,7 @@ std::optional<std::string> nameBeside(std::string_view uri);
 // Makes a GLB without external files and packed views of the document `root`, which is the GLB's JSON afterwards;
 // nothing when it has neither. `folder`: of the file; without one, external files are refused. Names of files are
 // relative, without "..", scheme and leading slash. Nothing is allocated that the sizes of files and streams do not
-// justify. `splats_alone`: packed views of other meshes, and of attributes that no splat has, are full of zeros. Throws
+// justify. `splats_alone`: packed views that neither splats nor their textures need are full of zeros. Throws
 // Error(badData) with a JSON pointer.
 std::optional<std::vector<std::uint8_t>> resolveGltf(nlohmann::json& root, std::span<const std::uint8_t> bytes,
                                                      const GltfParts& parts,
