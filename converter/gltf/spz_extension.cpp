@@ -36,10 +36,11 @@ GaussianModel readSpzPrimitive(GltfDocument& document, const SplatPrimitive& spl
   const auto& views = document.model.bufferViews;
   const bool is_index = extension && extension->Has("bufferView") && extension->Get("bufferView").IsInt();
   const int index = is_index ? extension->Get("bufferView").GetNumberAsInt() : -1;
-  if (index < 0 || static_cast<std::size_t>(index) >= views.size()) {
-    throw document.bad(
-        pointer, "\"bufferView\" names no buffer view" + expectedFound("an index below " + std::to_string(views.size()),
-                                                                       document.spz_views.at(splats.pointer)));
+  const std::string& named = document.spz_views.at(splats.pointer);
+  const bool is_cut = std::to_string(index) != named;  // by TinyGLTF, to 32 bits
+  if (index < 0 || static_cast<std::size_t>(index) >= views.size() || is_cut) {
+    throw document.bad(pointer, "\"bufferView\" names no buffer view" +
+                                    expectedFound("an index below " + std::to_string(views.size()), named));
   }
   const tinygltf::BufferView& view = views[static_cast<std::size_t>(index)];
   std::vector<std::uint8_t> bytes(view.byteLength);

@@ -509,6 +509,7 @@ TEST_CASE("every broken promise has its message, with the place, what was expect
       {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", 0}}; },
        "/KHR_gaussian_splatting_compression_spz_2: SPZ: the header does not start with NGSP"},
       {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", 99}}; }, noView("99")},
+      {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", 4294967296ull}}; }, noView("4294967296")},
       {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", "0"}}; }, noView("\"0\"")},
       {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", nullptr}}; }, noView("null")},
       {[](Glb& g) { g.splatting()["extensions"][kSpz] = {{"bufferView", nlohmann::json::object()}}; }, noView("{}")},
