@@ -24,7 +24,7 @@ constexpr std::size_t kMostJsonBytes = std::size_t{256} << 20;  // as many as a 
 constexpr std::size_t kLongestKey = 32;                         // the others decide nothing
 // Each of them is a glTF's alone, as "scene", "scenes" and "nodes" are not.
 constexpr std::array<std::string_view, 4> kGltfKeys = {"accessors", "bufferViews", "buffers", "meshes"};
-// Any two of them are a SOG's, whatever it lacks.
+// Any two of them are a SOG's, whatever it lacks, if no other format has a key of its own there.
 constexpr std::array<std::string_view, 4> kSogKeys = {"means", "scales", "quats", "sh0"};
 
 // The first four bytes inside a gzip stream, or none when it is broken.
@@ -110,10 +110,13 @@ void JsonKindReader::endKey() {
   if (std::ranges::find(kGltfKeys, key_) != kGltfKeys.end()) kind_ = JsonKind::gltf;
   if (key_ == "lodLevels") kind_ = JsonKind::levels;
   if (key_ == "geometricError") kind_ = JsonKind::tileset;
-  if (std::popcount(sog_keys_) == 2) kind_ = JsonKind::sog;
 }
 
-JsonKind JsonKindReader::kind() const { return kind_.value_or(filenames_ ? JsonKind::levels : JsonKind::gltf); }
+JsonKind JsonKindReader::kind() const {
+  if (kind_) return *kind_;
+  if (std::popcount(sog_keys_) >= 2) return JsonKind::sog;
+  return filenames_ ? JsonKind::levels : JsonKind::gltf;
+}
 
 // Deflated, and without flags that are none: a .splat may begin with two such bytes.
 bool isGzip(const FileStart& start) {

@@ -92,6 +92,12 @@ TEST_CASE("what a JSON is follows from the keys of its outermost object wherever
     CHECK(format(R"({"version": 2, "count": 1, )" + keys + "}") == kSogMetaName);
   }
   CHECK(format(R"({"means": {}, "means": {}})") == "gltf");
+  // Two of its keys decide nothing where another format's own comes later.
+  const std::string of_sog = R"({"means": {}, "scales": {}, "filenames": [], )";
+  CHECK(format(of_sog + R"("a": 1})") == kSogMetaName);
+  CHECK(format(of_sog + R"("lodLevels": 1})") == kLodMetaName);
+  CHECK(format(of_sog + R"("geometricError": 1})") == "tileset.json");
+  CHECK(format(of_sog + R"("accessors": []})") == "gltf");
   CHECK(format("{" + extras + R"(} "lodLevels": 1)") == "gltf");
 }
 
