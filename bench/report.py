@@ -516,7 +516,8 @@ def choices(trials):
                "scene, share and seed (two that began with different results of the same stage 1 are not compared), so "
                "that the first row and it do not add up to a row's own mean. \"o\": one of some of these pairs is of the "
                "older recipe; \"d\": some are of two devices, and mostly of two versions of the program; \"v\": of two "
-               "versions alone. What recipe, device or version changes is in such a difference, and one seed on two devices is two trainings.")
+               "versions alone. What recipe, device or version changes is in such a difference, and one seed on "
+               "two devices is two trainings.")
     yield Text("\"difference\" is the mean over scenes and shares, +- its 95 % confidence interval (Student's t) by "
                "the seeds, where there are any: one spread is assumed for all, so that it is too narrow where a scene "
                f"with one seed varies more than the others. A tie is within that or within {TIE} dB, \"undecided\" "

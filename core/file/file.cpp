@@ -337,7 +337,7 @@ void copyFileAtomically(const std::filesystem::path& source, const std::filesyst
   writeFileAtomically(path, [&](const std::filesystem::path& temporary) {
     const FileWriter out(temporary, path);
     struct stat status{};  // before the content: a private file's is nobody else's meanwhile
-    if (!modeOf(path) && ::stat(source.c_str(), &status) == 0) (void)::chmod(temporary.c_str(), status.st_mode & 07777);
+    if (!modeOf(path) && ::stat(source.c_str(), &status) == 0) (void)::chmod(temporary.c_str(), status.st_mode & 0777);
     std::vector<std::uint8_t> buffer(static_cast<std::size_t>(std::min<std::uint64_t>(in.size(), kPiece)));
     for (std::uint64_t done = 0; done < in.size();) {
       const std::span piece = std::span(buffer).first(std::min<std::uint64_t>(in.size() - done, buffer.size()));

@@ -9,7 +9,7 @@ MAKERS = "__init__", "__setstate__"
 
 def _type(value):
     name = type(value).__name__
-    if isinstance(value, numbers.Integral) and not isinstance(value, bool):  # whose type may be right, its size wrong
+    if issubclass(type(value), numbers.Integral) and type(value) is not bool:  # the type may be right, its size wrong
         bits = int(value).bit_length()
         return f"{name} {int(value)}" if bits <= 64 else f"{name} of {bits} bits"
     held = list(dict.fromkeys(type(each).__name__ for each in value)) if type(value) in (list, tuple) else []

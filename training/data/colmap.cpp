@@ -245,9 +245,10 @@ class Lines {
 
 using Cameras = std::map<std::uint32_t, ColmapCamera>;
 
-Cameras readCamerasBinary(const fs::path& path) {
+// Calls take(id, label, model, width, height, parameters) for each camera of a cameras.bin.
+template <typename Take>
+void forEachCamera(const fs::path& path, Take take) {
   Reader reader(path);
-  Cameras cameras;
   const std::uint64_t count = reader.readCount(24, "cameras");
   for (std::uint64_t i = 0; i < count; ++i) {
     const auto id = reader.read<std::uint32_t>("a camera");
@@ -260,8 +261,13 @@ Cameras readCamerasBinary(const fs::path& path) {
     }
     std::vector<double> parameters(kColmapCameraModels[model].count);
     for (double& value : parameters) value = reader.read<double>("a camera's parameters");
-    cameras[id] = makeCamera(path, label, kColmapCameraModels[model], width, height, parameters);
+    take(id, label, kColmapCameraModels[model], width, height, parameters);
   }
+}
+
+Cameras readCamerasBinary(const fs::path& path) {
+  Cameras cameras;
+  forEachCamera(path, [&](std::uint32_t id, const auto&... camera) { cameras[id] = makeCamera(path, camera...); });
   return cameras;
 }
 
@@ -475,7 +481,7 @@ DatasetIndex readColmap(const fs::path& folder, bool normalize) {
 
 ColmapSummary summarizeColmap(const fs::path& model) {
   ColmapSummary summary;
-  (void)readCamerasBinary(model / "cameras.bin");
+  forEachCamera(model / "cameras.bin", [](const auto&...) {});  // that it is whole; reading the model judges it
   for (const ColmapImage& image : readImagesBinary(model / "images.bin")) summary.images.push_back(image.name);
   Reader reader(model / "points3D.bin");
   summary.points = reader.readCount(51, "points");

@@ -127,9 +127,11 @@ void forgetMatches(const fs::path& file) {
                                              nullptr, nullptr, nullptr)
                               : SQLITE_CANTOPEN;
   if (result == SQLITE_BUSY) throw Error(ErrorKind::cannotWrite, file.string(), "another program holds it");
-  if (result != SQLITE_OK) {
+  // SQLITE_ERROR: it has no such table.
+  if (result == SQLITE_NOTADB || result == SQLITE_CORRUPT || result == SQLITE_ERROR) {
     throw Error(ErrorKind::badData, file.string(), "no database of COLMAP (remove it to start anew)");
   }
+  if (result != SQLITE_OK) throw Error(ErrorKind::cannotWrite, file.string(), sqlite3_errstr(result));
 }
 
 }  // namespace tg

@@ -63,7 +63,7 @@ class Job {
       ledger_.begin(PhotoStage::features, "");
     }
     stage(PhotoStage::features, keyOf(PhotoStage::features), [&](bool) { return features(); });
-    stage(PhotoStage::matches, keyOf(PhotoStage::matches), [&](bool goes_on) { return matches(goes_on); });
+    stage(PhotoStage::matches, keyOf(PhotoStage::matches), [&](bool) { return matches(); });
     stage(PhotoStage::cameras, keyOf(PhotoStage::cameras), [&](bool) { return solve(); });
     judge();
   }
@@ -116,6 +116,10 @@ class Job {
     const bool goes_on = hasFiles(stage) && ledger_.isBegun(stage, made_of);
     findSolverOnce();  // a machine that cannot go on says so before it reads a film or forgets what is done
     if (stage != PhotoStage::photographs) forgetCameras();
+    if (!goes_on && stage == PhotoStage::matches) {
+      ledger_.begin(stage, "");  // until those of before are gone no later call goes on with them
+      forgetMatches(files().database);
+    }
     if (!goes_on) ledger_.begin(stage, made_of);
     const auto start = std::chrono::steady_clock::now();
     const auto [told, result] = work(goes_on);
@@ -228,9 +232,8 @@ class Job {
         solverName()};
   }
 
-  Outcome matches(bool goes_on) {
+  Outcome matches() {
     const Solver& solver = findSolverOnce();
-    if (!goes_on) forgetMatches(files().database);
     Pairs pairs;
     if (matching_ == Matching::exhaustive) {
       pairs = allPairs(photographs_.size());

@@ -113,12 +113,12 @@ function refusalOf(files, entry) {
 
 // Another file dropped on the page. A broken one is reported and leaves the old model.
 function listenToDrops(viewer, panel) {
-  let drops = 0;
+  let drops = 0, lines = 0;
   addEventListener('drop', async (event) => {
     const {files, items} = event.dataTransfer, [file] = files;
     if (!file) return;
     const [entry] = [...items].map((item) => item.webkitGetAsEntry()).filter(Boolean);  // none once the event is over
-    const refusal = refusalOf(files, entry);
+    const refusal = refusalOf(files, entry), line = ++lines;
     showMessage(refusal && `${file.name}: ${refusal}`);
     if (refusal) return;
     const own = ++drops;
@@ -129,7 +129,7 @@ function listenToDrops(viewer, panel) {
       showLoading(SHARES.read);
       await viewer.open(model);
       if (viewer.model !== model) return;
-      if (own === drops && model.notes.length > 0) showMessage(model.notes.join(' '), 'note');
+      if (line === lines && model.notes.length > 0) showMessage(model.notes.join(' '), 'note');
       panel.name = document.title = file.name;
       panel.fromAddress = false;
       panel.fill();

@@ -294,4 +294,6 @@ TEST_CASE("a photograph without a camera hears why from COLMAP's database", "[ph
   CHECK(tg::whyLeftOut(folder / "none.db", {"d.jpg"}, {}, true)[0].empty());
   CHECK(tg::test::messageOf([&] { tg::forgetMatches(folder / "none.db"); }, tg::ErrorKind::badData) ==
         (folder / "none.db").string() + ": no database of COLMAP (remove it to start anew)");
+  CHECK(tg::test::messageOf([&] { tg::forgetMatches(folder / "gone.db"); }, tg::ErrorKind::cannotWrite) ==
+        (folder / "gone.db").string() + ": unable to open database file");
 }

@@ -3,6 +3,7 @@
 #include "training/photos/photograph.h"
 
 #include <libheif/heif.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -383,9 +384,16 @@ std::string noNobody(const fs::path& folder) {
   return error ? "somebody else than root cannot list the temporary folder" : "";
 }
 
+// What is made is for all to read, whatever the process' own mask.
+struct OpenMask {
+  mode_t before = ::umask(022);
+  ~OpenMask() { ::umask(before); }
+};
+
 }  // namespace
 
 TEST_CASE("what may not be read is named apart from what is no photograph", "[photos]") {
+  const OpenMask open;
   const tg::TemporaryFolder folder;
   TG_SKIP_IF(noNobody(folder.path));
   fs::create_directories(folder / "in/shut");
@@ -492,6 +500,7 @@ TEST_CASE("masks go with their photographs and are turned with them", "[photos]"
 }
 
 TEST_CASE("a mask that may not be read is named once", "[photos]") {
+  const OpenMask open;
   const tg::TemporaryFolder folder;
   TG_SKIP_IF(noNobody(folder.path));
   fs::create_directories(folder / "in/masks");
