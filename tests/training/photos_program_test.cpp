@@ -188,6 +188,14 @@ class Trial : public tg::TemporaryFolder {
 const std::string kShort = " --iterations 4 --texture-iterations 2 --gaussians 40";
 const std::string kAll = "feature_extractor\nmatches_importer\nmapper\n";
 
+// That the same command once more runs COLMAP from `task` on and ends well.
+void checkGoesOn(const Trial& trial, const std::string& task) {
+  const Outcome on = trial.photos("photos -o model.tgz" + kShort);
+  INFO(on.output);
+  CHECK(on.code == 0);
+  CHECK(trial.calls() == kAll.substr(kAll.find(task)));
+}
+
 }  // namespace
 
 TEST_CASE("photographs become a model by one command, which does nothing twice", "[photos]") {
@@ -271,10 +279,7 @@ TEST_CASE("a command that was killed goes on where it was, and its child ends wi
   CHECK_FALSE(fs::exists(trial / "model.tgz"));
   trial.calls();
 
-  const Outcome on = trial.photos("photos -o model.tgz" + kShort);
-  INFO(on.output);
-  CHECK(on.code == 0);
-  CHECK(trial.calls() == kAll.substr(kAll.find(task)));
+  checkGoesOn(trial, task);
 }
 
 TEST_CASE("a signal between the last of COLMAP and training ends the command", "[photos]") {
@@ -410,10 +415,7 @@ TEST_CASE("a stage whose database took not all is not done", "[photos]") {
                                    "disk is full\n"));
   trial.calls();
   fs::remove(trial / ("full_" + task));
-  const Outcome on = trial.photos("photos -o model.tgz" + kShort);
-  INFO(on.output);
-  CHECK(on.code == 0);
-  CHECK(trial.calls() == kAll.substr(kAll.find(task)));
+  checkGoesOn(trial, task);
 }
 
 TEST_CASE("a model that COLMAP did not write to its end is no model", "[photos]") {

@@ -27,8 +27,8 @@ std::vector<FoundModel> findModels(const std::filesystem::path& models);
 std::vector<std::string> whyLeftOut(const std::filesystem::path& database, const std::vector<std::string>& names,
                                     const std::map<std::string, std::string>& called, bool has_model);
 
-// Removes what matching wrote, so that it is done anew. Throws Error(cannotWrite) where another program holds the
-// database, Error(badData) where it is none.
+// Removes what matching wrote, so that it is done anew. Throws Error(badData) where the file is no database
+// of COLMAP, Error(cannotWrite) where it is not to be written, as while another program holds it.
 void forgetMatches(const std::filesystem::path& database);
 
 }  // namespace tg
