@@ -418,6 +418,21 @@ TEST_CASE("a stage whose database took not all is not done", "[photos]") {
   checkGoesOn(trial, task);
 }
 
+TEST_CASE("no command goes on with matches that an earlier one could not remove", "[photos]") {
+  const Trial trial;
+  REQUIRE(trial.photos("photos -o model.tgz" + kShort).code == 0);
+  trial.calls();
+  std::ofstream(trial / "model.photos/database.db") << "no database, but long enough to be looked into by a library";
+  for (const char* time : {"first", "again"}) {
+    CAPTURE(time);
+    const Outcome outcome = trial.photos("photos -o model.tgz --overwrite --matching sequential" + kShort);
+    INFO(outcome.output);
+    CHECK(outcome.code == 3);
+    CHECK_THAT(outcome.output, Contains("no database of COLMAP (remove it to start anew)"));
+  }
+  CHECK(trial.calls().empty());
+}
+
 TEST_CASE("a model that COLMAP did not write to its end is no model", "[photos]") {
   const Trial trial;
   const fs::path file = trial / "models/0" / GENERATE(std::string("cameras.bin"), "images.bin", "points3D.bin");
