@@ -16,7 +16,7 @@ struct PixelHit {
   double value = 0;          // of the Gaussian at the hit, in (0, 1]
   glm::dvec2 uv{0.0};        // [sigma] where it falls on the texture
   double texture_alpha = 1;  // the texture's factor on alpha
-  double alpha = 0;          // opacity x value x texture_alpha, at most 0.99
+  double alpha = 0;          // opacity x value x texture_alpha, at most 0.99f
   double transmittance = 1;  // of all that lies in front
   double weight = 0;         // transmittance x alpha: its share of the pixel
   glm::dvec3 base{0.0};      // colour without texture

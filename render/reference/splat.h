@@ -12,9 +12,11 @@
 
 namespace tg::reference {
 
-constexpr double kAlphaMax = 0.99;
-constexpr double kAlphaMin = 1.0 / 255.0;
-constexpr double kTransmittanceStop = 1e-4;
+// As floats, so that thresholds fall as in the float renderers: of the decimals (1 - 0.99)^2 is no less than 1e-4, and
+// two opaque splats would not end a ray (docs/math.md 5).
+constexpr double kAlphaMax = 0.99f;
+constexpr double kAlphaMin = 1.0f / 255.0f;
+constexpr double kTransmittanceStop = 1e-4f;
 constexpr double kTextureExtent = 3.0;
 constexpr double kPlaneMinCosine = 1e-9;
 constexpr double kScaleMax = 1e18;

@@ -192,6 +192,26 @@ TEST_CASE("antialiased discs and dots of any thinness are as those of a milliont
   }
 }
 
+TEST_CASE("two opaque splats end a ray where they end the reference's") {
+  const TestScene scene = opaqueDiscsScene();
+  constexpr std::size_t kPixel = 16 * 32 + 16;
+  for (const auto intersection : kModels) {
+    for (const auto order : {SplatOrder::global, SplatOrder::perPixel}) {
+      INFO(name(intersection) << ", " << name(order));
+      RenderSettings settings = everything(intersection), alone = pictureAlone(intersection);
+      settings.order = alone.order = order;
+      settings.background = alone.background = glm::vec3(1.0f);
+      const auto reference = renderReference(ReferenceModel(scene.model), scene.camera, settings);
+      const Frame frame = renderCpu(scene.model, scene.camera, settings);
+      const Frame picture = renderCpu(scene.model, scene.camera, alone);
+      REQUIRE(reference.count[kPixel] == 1.0);
+      CHECK(frame.count[kPixel] == 1.0f);
+      CHECK(glm::length(glm::dvec3(frame.color(kPixel)) - reference.color(kPixel)) < 1e-5);
+      CHECK(glm::length(glm::dvec3(picture.color(kPixel)) - reference.color(kPixel)) < 1e-5);
+    }
+  }
+}
+
 TEST_CASE("an axis whose scale no number holds is drawn as the thinnest one, in every output") {
   for (const auto intersection : kModels) {
     TestScene scene = thinDiscScene(2e-9f, true), thinner = scene;

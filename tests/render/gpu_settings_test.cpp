@@ -267,6 +267,22 @@ TEST_CASE("the per-pixel order is the reference's wherever no more than sixteen 
   CHECK(validationMessages() == "");
 }
 
+TEST_CASE("two opaque splats end a ray where they end the reference's") {
+  const TestScene scene = opaqueDiscsScene();
+  constexpr std::size_t kPixel = 16 * 32 + 16;
+  RenderSettings settings;
+  settings.intersection = GENERATE(IntersectionModel::plane, IntersectionModel::maxResponse);
+  settings.order = GENERATE(SplatOrder::global, SplatOrder::perPixel);
+  settings.background = glm::vec3(1.0f);
+  const Frame frame = renderScene(scene, settings);
+  const FrameT<double> truth = renderTruth(scene, settings);
+  INFO(name(*settings.intersection) << ", " << name(settings.order));
+  REQUIRE(truth.count[kPixel] == 1.0);
+  CHECK(frame.count[kPixel] == 1.0f);
+  CHECK(distance(frame.color(kPixel), truth.color(kPixel)) < 1e-5);
+  CHECK(validationMessages() == "");
+}
+
 TEST_CASE("every setting makes of a picture what it makes of the reference's") {
   CHECK(ignoredSettings(drawnByGpu) == "");
   CHECK(validationMessages() == "");

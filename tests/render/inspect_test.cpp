@@ -44,6 +44,18 @@ TEST_CASE("the hits of a pixel add up to the reference's picture") {
   }
 }
 
+TEST_CASE("of two opaque splats a pixel has the first alone") {
+  const TestScene scene = opaqueDiscsScene();
+  for (const auto order : {SplatOrder::global, SplatOrder::perPixel}) {
+    RenderSettings settings;
+    settings.order = order;
+    const auto hits = inspectPixel(scene.model, scene.camera, settings, {16, 16});
+    REQUIRE(hits.size() == 1);
+    CHECK(hits[0].index == 0);
+    CHECK(hits[0].weight == Approx(0.99));
+  }
+}
+
 TEST_CASE("hits carry the model's indices, front to back") {
   const TestScene scene = makeScene(SceneKind::ordinary, 9, 200, 16, 12);
   RenderSettings settings;

@@ -114,6 +114,16 @@ TEST_CASE("a ray ends before the splat that would take its transmittance below 1
   CHECK(render(model).alpha[0] == Approx(1.0 - 2e-4).epsilon(1e-12));
 }
 
+TEST_CASE("a ray ends before the second of two opaque splats") {
+  ReferenceModel model = emptyModel();
+  addDisc(model, 2.0, 0.9999, glm::dvec3(1, 0, 0));
+  addDisc(model, 3.0, 0.9999, glm::dvec3(0, 1, 0));
+  addDisc(model, 4.0, 0.01, glm::dvec3(0, 0, 1));
+  CHECK(order(model) == std::vector<std::uint32_t>{0});
+  CHECK(render(model).count[0] == 1.0);
+  CHECK(render(model).alpha[0] == Approx(0.99));
+}
+
 TEST_CASE("base and texture add up, and a mode without a term leaves it out") {
   ReferenceModel model = emptyModel();
   const glm::dvec3 color(0.2, 0.4, 0.6), texel(0.3, -0.1, 0.2);

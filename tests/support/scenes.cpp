@@ -327,6 +327,17 @@ TestScene thinDiscScene(float thinness, bool turned) {
   return scene;
 }
 
+TestScene opaqueDiscsScene() {
+  TestScene scene = smallScene(50.0f, 16.0f);
+  GaussianModel& model = scene.model;
+  addUnturned(model, {0, 0, 3}, {1.0f, 1.0f, 0.1f});
+  addUnturned(model, {0, 0, 4}, {1.0f, 1.0f, 0.1f});
+  model.opacity_logit = {9.0f, 9.0f};
+  model.sh = {{1.7f, -1.7f, -1.7f}, {-1.7f, 1.7f, -1.7f}};
+  model.texture_mode = TextureMode::none;
+  return scene;
+}
+
 TestScene vastScene() {
   TestScene scene;
   scene.model.mean = {{0.001f, 0.0005f, 0.01f}};

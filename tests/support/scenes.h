@@ -53,6 +53,10 @@ TestScene grazingScene(double degrees, int width = 32, int height = 24);
 TestScene raysInPlaneScene(int side);
 Tolerance raysInPlaneTolerance();  // the next columns see it from 2e-3 rad, where the rounding of 1 / sigma shows
 
+// A red disc before a green one, both opaque at pixel (16, 16) of 32 x 32: the transmittance behind both lies below the
+// stop by two parts in a million.
+TestScene opaqueDiscsScene();
+
 // A disc, `thinness` times as thick as wide, that faces the camera or is turned away a little. 32 x 32 pixels.
 TestScene thinDiscScene(float thinness, bool turned);
 // A Gaussian of the longest axis that is drawn, 0.01 units before a camera, which is for near planes that are nearer.
