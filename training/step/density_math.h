@@ -83,10 +83,10 @@ struct McmcResult {
   std::size_t added = 0;
 };
 
-constexpr int kMostShared = 51;  // the paper's implementation; binomials stay exact in double
+constexpr int kMostShared = 50;  // N_max - 1 of the authors' code; binomials stay exact in double
 
 // Opacity and scale factor of each of `count` equal Gaussians at one place that look like one of opacity `opacity`
-// (docs/math.md 9a, 9b). count is capped at 51.
+// (docs/math.md 9a, 9b). count is capped at 50.
 struct SharedGaussian {
   float opacity;
   float scale;
