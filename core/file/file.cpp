@@ -47,15 +47,40 @@ void requireFileName(const std::filesystem::path& path) {
   if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
 }
 
-// A fresh empty file in the folder of `reported`, with the same extension, readable as the umask says. Removed unless
+// Where a file at `path` belongs: at the end of the symbolic links, if it is one. As the kernel does where it is asked
+// to (fs.protected_symlinks), no other user's in a folder like /tmp is followed: it would lead to any file of ours.
+// Throws Error(cannotWrite).
+std::filesystem::path endOfLinks(const std::filesystem::path& path) {
+  constexpr int kMostLinks = 40;  // as Linux
+  std::filesystem::path place = path;
+  for (int links = 0;; ++links) {
+    struct stat link{}, folder{};
+    if (::lstat(place.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return place;
+    if (links == kMostLinks) {
+      throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: too many symbolic links");
+    }
+    constexpr mode_t kShared = S_ISVTX | S_IWOTH;
+    if (::stat(folderOf(place).c_str(), &folder) == 0 && (folder.st_mode & kShared) == kShared &&
+        link.st_uid != ::geteuid() && link.st_uid != folder.st_uid) {
+      throw Error(ErrorKind::cannotWrite, path.string(),
+                  "cannot write here: another user's symbolic link in a folder that all may write to");
+    }
+    std::error_code status;
+    const std::filesystem::path next = std::filesystem::read_symlink(place, status);
+    if (status) throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + status.message());
+    place = folderOf(place) / next;
+  }
+}
+
+// A fresh empty file beside `place`, with the extension of `reported`, readable as the umask says. Removed unless
 // released.
 class TemporaryFile {
  public:
-  explicit TemporaryFile(const std::filesystem::path& reported) {
+  TemporaryFile(const std::filesystem::path& place, const std::filesystem::path& reported) {
     static std::atomic<unsigned> counter{0};
     for (int attempt = 0; attempt < 100; ++attempt) {
       const std::string stem = ".tg-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
-      path = folderOf(reported) / (stem + reported.extension().string());
+      path = folderOf(place) / (stem + reported.extension().string());
       name_.emplace(path);  // before the file is there: a signal may come at once
       const Descriptor file(::open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0666));
       if (file.get() >= 0) return;
@@ -79,7 +104,7 @@ class TemporaryFile {
 // Who may read and write a file that is there.
 std::optional<mode_t> modeOf(const std::filesystem::path& path) {
   struct stat found{};
-  if (::lstat(path.c_str(), &found) != 0 || !S_ISREG(found.st_mode)) return std::nullopt;
+  if (::stat(path.c_str(), &found) != 0 || !S_ISREG(found.st_mode)) return std::nullopt;
   return found.st_mode & 0777;
 }
 
@@ -191,24 +216,24 @@ void requireWritable(const std::filesystem::path& path) {
   if (::lstat(path.c_str(), &status) != 0 && errno != ENOENT) {
     throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + systemReason());
   }
-  const TemporaryFile removed(path);
+  const TemporaryFile removed(endOfLinks(path), path);
 }
 
 struct AtomicFiles::Entry {
-  explicit Entry(const std::filesystem::path& file) : path(file), temporary(file) {}
+  explicit Entry(const std::filesystem::path& file) : reported(file), place(endOfLinks(file)), temporary(place, file) {}
 
   // What has the name now gets a second one, from which putBack() takes it again.
   void keepOlder() {
-    older.emplace(path);
+    older.emplace(place, reported);
     ::unlink(older->path.c_str());
-    if (::link(path.c_str(), older->path.c_str()) != 0) older.reset();  // none, or a file system without links
+    if (::link(place.c_str(), older->path.c_str()) != 0) older.reset();  // none, or a file system without links
   }
   void putBack() {
     if (!temporary.released) return;
-    older ? ::rename(older->path.c_str(), path.c_str()) : ::unlink(path.c_str());
+    older ? ::rename(older->path.c_str(), place.c_str()) : ::unlink(place.c_str());
   }
 
-  const std::filesystem::path path;
+  const std::filesystem::path reported, place;
   TemporaryFile temporary;
   std::optional<TemporaryFile> older;
 };
@@ -283,21 +308,22 @@ void AtomicFiles::commit() {
     for (const std::unique_ptr<Entry>& entry : entries_) entry->keepOlder();
   }
   for (const std::unique_ptr<Entry>& entry : entries_) {
-    if (const auto mode = modeOf(entry->path); replace_ && mode) {
+    if (const auto mode = modeOf(entry->place); replace_ && mode) {
       (void)::chmod(entry->temporary.path.c_str(), *mode);
     }
-    const bool renamed = replace_ ? ::rename(entry->temporary.path.c_str(), entry->path.c_str()) == 0
-                                  : renameWithoutReplacing(entry->temporary.path, entry->path);
+    const bool renamed = replace_ ? ::rename(entry->temporary.path.c_str(), entry->place.c_str()) == 0
+                                  : renameWithoutReplacing(entry->temporary.path, entry->place);
     if (!renamed) {
       const int reason = errno;
       for (const std::unique_ptr<Entry>& other : entries_) other->putBack();
       errno = reason;
-      if (!replace_ && errno == EEXIST) throw existsAlready(entry->path);
-      throw Error(ErrorKind::cannotWrite, entry->path.string(), "cannot rename the finished file: " + systemReason());
+      if (!replace_ && errno == EEXIST) throw existsAlready(entry->reported);
+      throw Error(ErrorKind::cannotWrite, entry->reported.string(),
+                  "cannot rename the finished file: " + systemReason());
     }
     entry->temporary.released = true;
     // Makes the new name itself durable. Some file systems cannot sync a folder; the content is safe either way.
-    const Descriptor folder(::open(folderOf(entry->path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    const Descriptor folder(::open(folderOf(entry->place).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (folder.get() >= 0) (void)::fsync(folder.get());
   }
   entries_.clear();
@@ -313,9 +339,10 @@ void writeFileAtomically(const std::filesystem::path& path,
 void writeFileQuickly(const std::filesystem::path& path,
                       const std::function<void(const std::filesystem::path& temporary)>& write) {
   requireFileName(path);
-  TemporaryFile file(path);
+  const std::filesystem::path place = endOfLinks(path);
+  TemporaryFile file(place, path);
   write(file.path);
-  if (::rename(file.path.c_str(), path.c_str()) != 0) {
+  if (::rename(file.path.c_str(), place.c_str()) != 0) {
     throw Error(ErrorKind::cannotWrite, path.string(), "cannot rename the finished file: " + systemReason());
   }
   file.released = true;

@@ -79,8 +79,8 @@ class FileWriter {
 // Throws what writeFileAtomically would throw for a place that cannot be written: for use before hours of work.
 void requireWritable(const std::filesystem::path& path);
 
-// Writes to a temporary name beside `path`, syncs, renames. On any exception nothing is left behind. Throws
-// Error(cannotWrite).
+// Writes to a temporary name beside `path`, or beside what it leads to where it is a symbolic link, syncs, renames; the
+// link stays one. On any exception nothing is left behind. Throws Error(cannotWrite).
 void writeFileAtomically(const std::filesystem::path& path, std::span<const std::uint8_t> bytes);
 void writeTextAtomically(const std::filesystem::path& path, const std::string& text);
 // The same for content that is streamed: `write` fills the temporary file whose name it is given.

@@ -21,6 +21,7 @@
 
 #include "core/file/atomic_files.h"
 #include "core/file/file.h"
+#include "core/file/quick_file.h"
 #include "core/file/scratch_folder.h"
 #include "core/system/descriptor.h"
 #include "core/system/error.h"
@@ -130,6 +131,69 @@ TEST_CASE("a copy is whole or not there") {
   REQUIRE(tg::readFile(folder / "c", large.size()) == large);
   REQUIRE(permissionsOf("b") == (perms::owner_read | perms::group_read));
   REQUIRE(permissionsOf("c") == (perms::owner_read | perms::others_read));
+}
+
+TEST_CASE("what is written by the name of a symbolic link is what the link leads to") {
+  const tg::TemporaryFolder folder;
+  namespace fs = std::filesystem;
+  fs::create_directory(folder / "far");
+  fs::create_directory(folder / "near");
+  tg::writeFileAtomically(folder / "far/a", Bytes{1});
+  fs::permissions(folder / "far/a", fs::perms::owner_read | fs::perms::owner_write);
+  fs::create_symlink("../far/middle", folder / "near/link.b");
+  fs::create_symlink(folder / "far/a", folder / "far/middle");
+  fs::create_symlink("../far/none", folder / "near/dangling");
+  tg::writeFileAtomically(folder / "near/link.b", [&](const fs::path& temporary) {
+    REQUIRE(temporary.parent_path() == folder / "far");  // from where it can be renamed
+    REQUIRE(temporary.extension() == ".b");
+    REQUIRE(fs::status(temporary).permissions() == (fs::perms::owner_read | fs::perms::owner_write));
+    tg::FileWriter(temporary, temporary).write(0, Bytes{2});
+  });
+  CHECK(tg::readFile(folder / "far/a", 10) == Bytes{2});
+  CHECK(fs::status(folder / "far/a").permissions() == (fs::perms::owner_read | fs::perms::owner_write));
+  CHECK(fs::is_symlink(folder / "near/link.b"));
+  tg::writeFileQuickly(folder / "near/link.b",
+                       [](const fs::path& temporary) { tg::FileWriter(temporary, temporary).write(0, Bytes{3}); });
+  CHECK(tg::readFile(folder / "far/a", 10) == Bytes{3});
+  tg::copyFileAtomically(folder / "far/a", folder / "near/dangling");
+  CHECK(tg::readFile(folder / "far/none", 10) == Bytes{3});
+  CHECK(fs::is_symlink(folder / "near/dangling"));
+  {
+    const tg::KeepExisting keep;
+    REQUIRE_THROWS_WITH(tg::writeFileAtomically(folder / "near/link.b", Bytes{4}), Contains("exists already"));
+  }
+  {
+    tg::AtomicFiles files;
+    files.add(folder / "near/link.b", Bytes{5});
+    files.add(folder / "near/other", Bytes{5});
+    fs::create_directory(folder / "near/other");  // a file cannot be renamed to it
+    REQUIRE(kindOf([&] { files.commit(); }) == tg::ErrorKind::cannotWrite);
+  }
+  CHECK(tg::readFile(folder / "far/a", 10) == Bytes{3});
+  fs::create_symlink("no/b", folder / "lost");
+  REQUIRE_THROWS_WITH(tg::requireWritable(folder / "lost"), Contains("lost: cannot write here: No such file"));
+  fs::create_symlink("loop", folder / "loop");
+  REQUIRE_THROWS_WITH(tg::writeFileAtomically(folder / "loop", Bytes{1}),
+                      Contains("loop: cannot write here: Too many levels of symbolic links"));
+  CHECK(fileCount(folder / "far") == 3);
+  CHECK(fileCount(folder / "near") == 3);
+}
+
+TEST_CASE("no link of another user in a folder that all may write to is followed") {
+  TG_SKIP_IF(::geteuid() != 0 ? "only root makes a link another user's" : "");
+  const tg::TemporaryFolder folder;
+  tg::writeFileAtomically(folder / "a", Bytes{1});
+  std::filesystem::create_directory(folder / "shared");
+  std::filesystem::create_symlink("../a", folder / "shared/link");
+  REQUIRE(::lchown((folder / "shared/link").c_str(), 1234, 1234) == 0);
+  const auto writes = [&] { tg::writeFileAtomically(folder / "shared/link", Bytes{2}); };
+  writes();
+  CHECK(tg::readFile(folder / "a", 10) == Bytes{2});
+  REQUIRE(::chmod((folder / "shared").c_str(), 01777) == 0);
+  CHECK_THAT(tg::test::messageOf(writes, tg::ErrorKind::cannotWrite), Contains("shared/link: cannot write here: "));
+  CHECK_THROWS_AS(tg::requireWritable(folder / "shared/link"), tg::Error);
+  CHECK(tg::readFile(folder / "a", 10) == Bytes{2});
+  CHECK(fileCount(folder / "shared") == 1);
 }
 
 TEST_CASE("a copy has its permissions before its content") {
