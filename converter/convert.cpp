@@ -285,6 +285,9 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   }
   if (format.has_steps) report.steps = write_options.steps;
   write(*written);
+  if (report.output_bytes < options.target.bytes && report.steps == kLeastSteps) {
+    report.warnings.emplace_back("the finest steps take " + std::to_string(report.output_bytes) + " bytes");
+  }
   if (measured && format.read && (changes || options.measure == Measure::always)) {
     measure(format, output, source, views, report);
   }

@@ -38,12 +38,7 @@ namespace {
 
 // The finest for a file of so many bytes.
 float stepsWithin(const std::string& path, const Bundle& scene, std::uint64_t bytes) {
-  try {
-    return stepsFor(outputFormat(path), path, scene, {}, {}, {.bytes = bytes});
-  } catch (const Error& error) {
-    if (error.kind != ErrorKind::usage) throw;
-    throw Error(ErrorKind::usage, path, error.what());
-  }
+  return stepsFor(outputFormat(path), path, scene, {}, {}, {.bytes = bytes});
 }
 
 // Of a scene that was trained for a file of `size.steps`: those, or coarser ones where it is too large. Where it has

@@ -14,7 +14,7 @@ constexpr auto namesOf(ConvertPart) { return enumNames("fit", "target"); }
 
 // Hears how many steps of how many are done: none before the first, then each. On the caller's thread; what it throws
 // ends the conversion, of which nothing is left, but an Error(usage) may count as a --target-size out of reach. A
-// second search for one target counts anew.
+// second search for one target counts anew, and one for a size may end before its last step.
 using ConvertListener = std::function<void(ConvertPart part, std::size_t done, std::size_t steps)>;
 
 }  // namespace tg

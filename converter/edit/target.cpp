@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "converter/edit/quality.h"
 #include "core/file/scratch_folder.h"
@@ -18,6 +19,8 @@
 namespace tg {
 
 namespace {
+
+constexpr double kNearSize = 0.99;  // of the bytes that are asked for
 
 std::uint64_t write(const Format& format, const std::filesystem::path& file, const std::filesystem::path& name,
                     const Bundle& source, const WriteOptions& options) {
@@ -59,34 +62,44 @@ float stepsFor(const Format& format, const std::filesystem::path& name, const Bu
   const std::filesystem::path file = folder.path() / name.filename();
   options.replace = true;
   const bool by_size = target.bytes > 0;
-  constexpr std::size_t kTrials = 9;  // an end, then halvings of nine octaves: steps of 2.5 %, files of less than 1 %
-  double reached = 0;
+  // An end, then halvings of nine octaves: steps of 2.5 %. For a size as far as 0.2 to 0.3 % while 1 % of it is free,
+  // as bytes jump where steps of positions or rotations become the next power of 2.
+  constexpr std::size_t kTrials = 9, kTrialsOfSize = 13;
+  const std::size_t most = by_size ? kTrialsOfSize : kTrials;
+  const double wanted = by_size ? static_cast<double>(target.bytes) : target.psnr;
+  double reached = 0, fitting = 0;  // by the last trial, and by the finest file that is small enough
   std::size_t trials = 0;
-  if (listener) listener(ConvertPart::target, trials, kTrials);
+  if (listener) listener(ConvertPart::target, trials, most);
   const auto isFineEnough = [&](double logarithm) {  // finer than a size allows, or no coarser than pictures do
     options.steps = static_cast<float>(std::exp2(logarithm));
     const std::uint64_t bytes = write(format, file, name, source, options);
     reached = by_size ? static_cast<double>(bytes)
                       : renderedPsnr(source.model, readModel(file).model, views, source.background);
     ++trials;
-    if (listener) listener(ConvertPart::target, trials, kTrials);
-    return by_size ? reached > static_cast<double>(target.bytes) : reached >= target.psnr;
+    if (listener) listener(ConvertPart::target, trials, most);
+    if (by_size && reached <= wanted) fitting = reached;
+    return by_size ? reached > wanted : reached >= wanted;
   };
-  double fine = std::log2(kLeastSteps), coarse = std::log2(kMostSteps);
+  const double finest = std::log2(kLeastSteps);
+  double fine = finest, coarse = std::log2(kMostSteps);
   if (by_size ? isFineEnough(coarse) : !isFineEnough(fine)) {
     const auto number = [&](double value) {
       char text[64];
       std::snprintf(text, sizeof(text), by_size ? "%.0f" : "%.1f", value);
       return std::string(text);
     };
-    const std::string limit = number(reached);
-    const std::string wanted = number(by_size ? static_cast<double>(target.bytes) : target.psnr);
-    throw Error(ErrorKind::usage,
-                by_size ? "--target-size is out of reach" + expectedFound("at least " + limit + " bytes", wanted) +
+    const std::string limit = number(reached), found = number(wanted);
+    throw Error(ErrorKind::usage, name.string(),
+                by_size ? "--target-size is out of reach" + expectedFound("at least " + limit + " bytes", found) +
                               ": fewer Gaussians or a lower SH degree take less"
-                        : "--target-psnr is out of reach" + expectedFound("at most " + limit + " dB", wanted));
+                        : "--target-psnr is out of reach" + expectedFound("at most " + limit + " dB", found));
   }
-  while (trials < kTrials) {
+  const auto isNear = [&] { return fitting >= kNearSize * wanted; };
+  for (bool tried_finest = false; trials < kTrials || (trials < most && !isNear());) {
+    if (by_size && fine == finest && coarse < 0 && !std::exchange(tried_finest, true)) {
+      if (!isFineEnough(finest)) return kLeastSteps;
+      continue;
+    }
     const double middle = 0.5 * (fine + coarse);
     (isFineEnough(middle) ? fine : coarse) = middle;
   }
@@ -97,7 +110,7 @@ Chosen chooseSteps(const Format& format, const std::filesystem::path& name, cons
                    std::span<const Camera> views, const WriteOptions& options, const Target& target,
                    const ConvertListener& listener) {
   if (target.psnr > 0 && showsNothing(source.model, views)) {
-    throw Error(ErrorKind::usage, "--target-psnr: " + std::string(kShowsNothing));
+    throw Error(ErrorKind::usage, name.string(), "--target-psnr: " + std::string(kShowsNothing));
   }
   const auto search = [&](const Bundle& of) { return stepsFor(format, name, of, views, options, target, listener); };
   const bool has_choice = isTextured(source.model) && format.holds(kKeepsTextures) && !options.base;
