@@ -345,7 +345,8 @@ void addSizes(CLI::App& app, Arguments& arguments) {
           "sog, glb, gltf, html: the finest steps with which OUT has at most this size: 900KB (900,000 bytes), 1.5MB")
           ->excludes(steps);
   app.add_option("--target-psnr", arguments.options.target.psnr,
-                 "sog, glb, gltf, html: the coarsest steps with which pictures are so near to the source's [dB]")
+                 "sog, glb, gltf, html: the coarsest steps with which pictures of up to four views are so near to IN's "
+                 "after EDITS [dB]")
       ->check(tg::within(tg::kLeastTargetPsnr, tg::kMostTargetPsnr))
       ->excludes(target_size)
       ->excludes(steps);
