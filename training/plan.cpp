@@ -53,6 +53,7 @@ class PlanOfSize {
   std::string said() const;
 
  private:
+  std::string beyondRoom() const;
   bool isGiven(std::initializer_list<std::string_view> names) const { return givenOneOf(options_, settings_, names); }
   bool shared() const { return settings_.texture_mode != TextureMode::none && settings_.texture_dictionary > 0; }
 
@@ -122,6 +123,24 @@ void PlanOfSize::chooseCounts(std::uint64_t training_pixels) {
   checkSettings(settings_);
 }
 
+// "" where a limit that was named is within the room.
+std::string PlanOfSize::beyondRoom() const {
+  const bool grows = settings_.iterations > 0 && settings_.densification != Densification::none;
+  const std::size_t all = settings_.default_gaussians, room = plan_.gaussians;
+  const double percent = settings_.percent;
+  std::string limit;
+  if (percent > 0 && all == 0 && grows) limit = formatted("%g %% of the Gaussians that stage 1 reaches", percent);
+  if (percent == 0 && settings_.gaussians == 0 && grows) limit = "no limit of Gaussians";
+  if (!limit.empty()) return ", " + limit + formatted(", of which it has room for %zu", room);
+  if (percent > 0 && percent / 100 * static_cast<double>(all) > static_cast<double>(room)) {
+    limit = formatted("%g %% of %zu", percent, all);
+  }
+  if (percent == 0 && settings_.gaussians > room) limit = std::to_string(settings_.gaussians);
+  if (limit.empty()) return "";
+  return ", " + limit +
+         formatted(" Gaussians, whose numbers will be coarser than those of the %zu it has room for", room);
+}
+
 std::string PlanOfSize::said() const {
   const std::size_t gaussians = settings_.gaussians;
   std::string said =
@@ -131,9 +150,8 @@ std::string PlanOfSize::said() const {
     const bool merges = settings_.iterations > 0 && makeSchedule(settings_).merge_after > 0;
     const std::size_t grown = grownLimit(gaussians, training_pixels_);
     if (merges && grown > gaussians) said += formatted(" (up to %zu until pairs are merged)", grown);
-  } else if (!textured_start_ && settings_.percent == 0 && gaussians > plan_.gaussians) {
-    said += formatted(", %zu Gaussians, whose numbers will be coarser than those of the %zu it has room for", gaussians,
-                      plan_.gaussians);
+  } else if (!textured_start_) {
+    said += beyondRoom();
   }
   if (cut_) said += formatted(", %.1f texels each", plan_.texels);
   if (shared()) said += formatted(", %d textures that they share", settings_.texture_dictionary);

@@ -27,7 +27,7 @@ double partOfSog(const std::string& path) {
   if (path.empty()) {
     throw Error(ErrorKind::usage, "--target-size and --steps are of an output (expected -o scene.sog or scene.glb)");
   }
-  const std::string_view format = outputFormat(path).name;
+  const std::string_view format = modelFormat(path).name;
   if (format == "sog") return 1;
   if (format != "glb") throw Error(ErrorKind::usage, path, "--target-size and --steps are only for .sog and .glb");
   if (!hasMeshopt()) throw Error(ErrorKind::usage, path, std::string(missingMeshopt()));

@@ -219,6 +219,16 @@ TEST_CASE("a size is planned around what flags, a file of settings and the start
   CHECK_THAT(
       tgtrain(folder, quick + "a.sog --gaussians 500").output,
       Contains("SH degree 1, 500 Gaussians, whose numbers will be coarser than those of the 309 it has room for\n"));
+  CHECK_THAT(tgtrain(folder, quick + "a.sog --gaussians 0").output,
+             Contains("SH degree 1, no limit of Gaussians, of which it has room for 309\n"));
+  CHECK_THAT(tgtrain(folder, quick + "a.sog --gaussians 0 --densification none").output, Contains("SH degree 1\n"));
+  CHECK_THAT(tgtrain(folder, quick + "a.sog --percent 50").output,
+             Contains("SH degree 1, 50 % of the Gaussians that stage 1 reaches, of which it has room for 309\n"));
+  CHECK_THAT(
+      tgtrain(folder, quick + "a.sog --percent 50 --default-gaussians 800").output,
+      Contains("SH degree 1, 50 % of 800 Gaussians, whose numbers will be coarser than those of the 309 it has room for"
+               "\n"));
+  CHECK_THAT(tgtrain(folder, quick + "a.sog --percent 50 --default-gaussians 600").output, Contains("SH degree 1\n"));
   const std::string large = "scene --overwrite --iterations 20 --texture-iterations 4 --target-size 60KB -o a.sog ";
   CHECK_THAT(tgtrain(folder, large + "--texture-mode rgba").output,
              Contains(" Gaussians, 64 textures that they share\n"));
@@ -288,6 +298,7 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
   CHECK_THAT(tgtrain(folder, train + "20KB -o scene.ply").output,
              Contains("scene.ply: --target-size and --steps are only"));
   CHECK_THAT(tgtrain(folder, train + "20KB --run run").output, Contains("(expected -o scene.sog or"));
+  CHECK_THAT(tgtrain(folder, train + "20KB -o foo").output, Contains("foo: ") && Contains(".sog") && !Contains(".png"));
   CHECK_THAT(tgtrain(folder, train + "1KB -o scene.sog").output, Contains("--target-size is out of reach"));
   // Chosen by hand and too many: there is no such file, and the model is kept before it is rounded for one.
   const Outcome large = tgtrain(folder, train + "5.2KB --start random --init-count 3000 --gaussians 3000 -o large.sog");
