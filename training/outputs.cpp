@@ -2,9 +2,11 @@
 // Owns each file of a run before it is written, so that who is killed meanwhile finds it again.
 #include "training/outputs.h"
 
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -12,6 +14,7 @@
 #include "converter/registry/file_format.h"
 #include "core/file/atomic_files.h"
 #include "core/system/error.h"
+#include "core/system/numbers.h"
 #include "training/plan.h"
 
 namespace tg {
@@ -114,8 +117,8 @@ std::string TrainingOutputs::save(const std::string& path, GaussianModel model, 
   const std::string kept = run_ && !unfinished_ && path == options_.output ? run_->model().string() : "";
   writeOutput(path, [&](bool replace) {
     try {
-      const std::string facts = writeScene(path, std::move(bundle), replace, kept, options_.quiet, size);
-      if (path == options_.output) written_ = facts;
+      const WrittenScene written = writeScene(path, std::move(bundle), replace, kept, options_.quiet, size);
+      if (path == options_.output) written_ = written;
       return true;
     } catch (const Error& error) {
       // What a training was stopped at may be larger than what would have come of it.
@@ -173,6 +176,7 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
       writeAfterTraining(
           options_.output, replace, [&] { copyFileAtomically(run_->model(), options_.output); },
           [&] { return run_->model().string(); });
+      written_ = WrittenScene{.bytes = fs::file_size(options_.output)};
       return true;
     });
   } else {
@@ -189,6 +193,7 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
     report.textured.reset();
     save(options_.untextured_output, std::move(*result.untextured), settings, report, {});
   }
+  if (written_ && !options_.json.empty()) training_json = withOutput(training_json);
   if (options_.json == kStandardOutput) {
     std::fputs(training_json.c_str(), stdout);
   } else if (!options_.json.empty()) {
@@ -203,6 +208,20 @@ void TrainingOutputs::write(const Trainer& trainer, TrainResult result, Training
     const Error why = whyUnfinished();
     throw Error(why.kind, why.what() + (too_large_ ? "" : " (the model is kept as " + options_.output + ")"));
   }
+}
+
+// training.json as --json writes it. Of the file, which holds the same without it.
+std::string TrainingOutputs::withOutput(const std::string& training_json) const {
+  using Json = nlohmann::ordered_json;
+  Json json = Json::parse(training_json);
+  Json& output = json["output"];
+  output["name"] = fs::path(options_.output).filename().string();  // no folders, as elsewhere in it
+  output["file_format"] = outputFormat(options_.output).name;
+  output["bytes"] = written_->bytes;
+  if (options_.target_bytes > 0) output["target_bytes"] = options_.target_bytes;
+  if (written_->steps > 0) output["steps"] = written_->steps;
+  if (written_->psnr && std::isfinite(*written_->psnr)) output["psnr"] = std::round(*written_->psnr * 1e4) / 1e4;
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 // What leaves the file smaller than was asked: fewer than were planned for it.
@@ -226,8 +245,9 @@ void TrainingOutputs::say(const TrainReport& report) const {
   if (too_large_) {
     std::printf("interrupted; %s is not written\n", name.c_str());
   } else {
-    const std::string facts = written_.empty() ? "(" + std::to_string(fs::file_size(name)) + " bytes)" : written_;
-    std::printf("%s%s %s\n", report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(), facts.c_str());
+    std::printf("%s%s (%ju bytes%s)\n", report.interrupted ? "interrupted; wrote " : "wrote ", name.c_str(),
+                std::uintmax_t{written_ ? written_->bytes : fs::file_size(name)},
+                written_ && written_->psnr ? formatted(", %.1f dB to the model", *written_->psnr).c_str() : "");
   }
   sayIfFewGrew(report, name);
   if (untextured_) std::printf("wrote %s, without textures\n", options_.untextured_output.c_str());

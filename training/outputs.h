@@ -32,6 +32,7 @@ class TrainingOutputs {
  private:
   std::string finishRun(const Trainer& trainer);
   void sayIfFewGrew(const TrainReport& report, const std::string& file) const;
+  std::string withOutput(const std::string& training_json) const;
   std::string sameCommand() const;
   Error whyUnfinished() const;
   template <typename Write>
@@ -46,7 +47,7 @@ class TrainingOutputs {
   TrainingJsonOptions json_;
   std::optional<Error> unfinished_;  // why the run has no last checkpoint or model
   bool owned_ = true;                // by the run, what was written: else it does not replace that when it goes on
-  std::string written_;              // what there is to say of the output
+  std::optional<WrittenScene> written_;  // the output, where there is one
   bool too_large_ = false;           // which is not written, then
   bool untextured_ = false;          // written
 };

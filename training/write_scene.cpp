@@ -56,14 +56,18 @@ float stepsOf(const std::string& path, const Bundle& scene, SceneSize size) {
   return steps;
 }
 
-void write(const std::string& path, const Bundle& scene, bool replace, bool quiet, SceneSize size) {
+// Returns its steps; 0: the format's own, or none.
+float write(const std::string& path, const Bundle& scene, bool replace, bool quiet, SceneSize size) {
   const Format& format = outputFormat(path);
   WriteOptions options{.replace = replace};
-  if (const float steps = stepsOf(path, scene, size); steps > 0) options.steps = steps;
+  const float steps = stepsOf(path, scene, size);
+  if (steps > 0) options.steps = steps;
   Written written;
   writeModel(format, path, scene, options, written);
-  if (quiet) return;
-  for (const std::string& warning : written.warnings) std::fprintf(stderr, "tgtrain: %s\n", printable(warning).c_str());
+  for (const std::string& warning : written.warnings) {
+    if (!quiet) std::fprintf(stderr, "tgtrain: %s\n", printable(warning).c_str());
+  }
+  return steps;
 }
 
 // Under the first name beside `path` that is free, which it returns.
@@ -150,8 +154,8 @@ GaussianModel asStored(const std::string& path, const GaussianModel& model, std:
   return stored;
 }
 
-std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
-                       SceneSize size) {
+WrittenScene writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
+                        SceneSize size) {
   const Format& format = outputFormat(path);
   const std::vector<Camera> views = qualityViews(scene.model, scene.cameras);
   const std::vector<Camera> cameras = scene.cameras;
@@ -161,9 +165,10 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, cons
     scene.cameras = cameras;
     return scene;
   };
+  WrittenScene written;
   const auto writeIt = [&] {
     try {
-      write(path, scene, replace, quiet, size);
+      written.steps = write(path, scene, replace, quiet, size);
     } catch (const Error& error) {
       std::error_code ignored;
       const bool came = !replace && std::filesystem::exists(path, ignored);
@@ -172,15 +177,12 @@ std::string writeScene(const std::string& path, Bundle scene, bool replace, cons
     }
   };
   writeAfterTraining(path, replace, writeIt, [&] { return kept.empty() ? writeSomewhere(path, whole()) : kept; });
-  std::string facts = "(" + std::to_string(storedBytes(format, path)) + " bytes";
+  written.bytes = storedBytes(format, path);
   const bool rounded = !format.holds(kKeepsFloats) || coarse;
   if (rounded && isMeasuredUnasked(scene.model)) {
-    char text[64];
-    std::snprintf(text, sizeof text, ", %.1f dB to the model",
-                  renderedPsnr(scene.model, readModel(path).model, views, scene.background));
-    facts += text;
+    written.psnr = renderedPsnr(scene.model, readModel(path).model, views, scene.background);
   }
-  return facts + ")";
+  return written;
 }
 
 }  // namespace tg

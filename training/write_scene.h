@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "core/bundle/bundle.h"
@@ -18,6 +19,13 @@ double partOfSog(const std::string& path);
 struct SceneSize {
   std::uint64_t bytes = 0;  // at most; 0: any
   float steps = 0;          // of the format; 0: its own, or the finest for `bytes`
+};
+
+// What came of it.
+struct WrittenScene {
+  std::uint64_t bytes = 0;          // with the files beside it
+  float steps = 0;                  // of the format; 0: its own, or none
+  std::optional<double> psnr = {};  // [dB] of up to four views against the model's, where numbers are rounded
 };
 
 // `model` as a file at `path` will hold it, in its own order and with its own names of axes: each attribute is near the
@@ -38,10 +46,9 @@ Error keepModel(const std::string& path, const Bundle& scene, const Error& why);
 // Writes `scene`, as writeAfterTraining(); its cameras only where the format has them and neither size nor steps are
 // asked for. replace: files beside it, too. kept: where else the model is; "": nowhere. Of steps that exceed the size,
 // and without any, the finest that do not; of steps that leave a fiftieth of it free a half, a quarter and so on, as
-// far as it fits. Returns what to say of it beside its name: "(59961 bytes, 41.2 dB to the model)", where numbers are
-// rounded, over up to four views. quiet: warnings are kept to itself. Throws Error(usage) where no steps bring it to
-// that size, and what the writers throw, after keepModel() where it is not `kept` elsewhere.
-std::string writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
-                       SceneSize size = {});
+// far as it fits. quiet: warnings are kept to itself. Throws Error(usage) where no steps bring it to that size, and
+// what the writers throw, after keepModel() where it is not `kept` elsewhere.
+WrittenScene writeScene(const std::string& path, Bundle scene, bool replace, const std::string& kept, bool quiet,
+                        SceneSize size = {});
 
 }  // namespace tg

@@ -10,6 +10,7 @@
 
 #include "core/bundle/bundle.h"
 #include "core/file/file.h"
+#include "core/system/numbers.h"
 #include "program.h"
 #include "support/catch.h"
 #include "support/temporary_folder.h"
@@ -32,6 +33,15 @@ Outcome tgeval(const tg::TemporaryFolder& folder, const std::string& arguments) 
 
 const std::string kSample = "make-sample scene --size 32 --views 4 --test-views 2 --points 200 --supersampling 1";
 const std::string kShort = " --iterations 6 --texture-iterations 4";
+
+// What --json holds beside training.json.
+nlohmann::json outputOf(const fs::path& file, const nlohmann::json& training) {
+  const std::vector<std::uint8_t> bytes = tg::readFile(file, 1 << 20);
+  nlohmann::json json = nlohmann::json::parse(bytes), output = json["output"];
+  json.erase("output");
+  CHECK(json == training);
+  return output;
+}
 
 }  // namespace
 
@@ -57,6 +67,9 @@ TEST_CASE("train, evaluate, and everything that must be refused on the way", "[p
   const nlohmann::json json = nlohmann::json::parse(bundle.training_json);
   CHECK(json["stages"]["untextured"]["iterations"] == 4);
   CHECK(json["machine"]["seconds"].get<double>() > 0);
+  const nlohmann::json output = {
+      {"name", "model.tgz"}, {"file_format", "tgz"}, {"bytes", fs::file_size(folder / "model.tgz")}};
+  CHECK(outputOf(folder / "run.json", json) == output);
   CHECK_THAT(json["machine"]["device"].get<std::string>(),
              (Contains("CPU, ") && Contains(" threads")) || Contains("CUDA, "));
   CHECK(bundle.training_json.find(folder.path.filename().string()) == std::string::npos);
@@ -275,7 +288,7 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
                                                                     {6'800, " --sh-degree 3"},
                                                                     {5'400, " --sh-degree 0 --adaptive-texels 8"},
                                                                     {7'000, " --texture-dictionary 8 --texture-size 4"},
-                                                                    {5'400, " --run run"}}) {
+                                                                    {5'400, " --json run.json --run run"}}) {
     const Outcome trained = tgtrain(folder, train + std::to_string(bytes) + " -o scene.sog" + flags);
     INFO(flags << '\n' << trained.output);
     REQUIRE(trained.code == 0);
@@ -284,6 +297,15 @@ TEST_CASE("a size that is named is met by what is trained and by how it is writt
     // So small a file jumps by per cents from step to step, and by textures of which nothing is left.
     CHECK(size >= bytes * 95 / 100);
     CHECK_THAT(trained.output, Contains("wrote scene.sog (" + std::to_string(size) + " bytes, "));
+    if (!flags.ends_with(" --run run")) continue;
+    const std::string own = tg::readBundle(folder / "run/model.tgz").training_json;
+    const nlohmann::json output = outputOf(folder / "run.json", nlohmann::json::parse(own));
+    CHECK(output["name"] == "scene.sog");
+    CHECK(output["file_format"] == "sog");
+    CHECK(output["bytes"] == size);
+    CHECK(output["target_bytes"] == bytes);
+    CHECK(output["steps"].get<double>() >= 0.125);
+    CHECK_THAT(trained.output, Contains(tg::formatted(" bytes, %.1f dB to the model)", output["psnr"].get<double>())));
   }
   const std::string coarse = "scene --overwrite --iterations 60 --texture-iterations 20 --gaussians 200 -o ";
   for (const std::string name : {"coarse.sog", "coarse.glb"}) {
