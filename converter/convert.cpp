@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "converter/formats/gaussian_blocks.h"
+#include "converter/gltf/document.h"
 #include "converter/html/html.h"
 #include "converter/lod/lod_scene.h"
 #include "core/bundle/splat_rows.h"
@@ -126,6 +127,29 @@ void writePageBeside(const std::filesystem::path& input, const std::filesystem::
   report.output_bytes = std::filesystem::file_size(file);
 }
 
+// What a .gltf that is there refers to beside it; nothing of what is none.
+std::vector<std::string> besideOlder(const Format& format, const std::filesystem::path& output) {
+  std::error_code ignored;
+  if (format.name != "gltf" || !std::filesystem::is_regular_file(output, ignored)) return {};
+  try {
+    return gltfFilesBeside(output);
+  } catch (const Error&) {
+    return {};
+  }
+}
+
+// Of `names` beside an earlier file what the new one at `output` does not refer to.
+void warnOfLeft(const std::vector<std::string>& names, const std::filesystem::path& output,
+                std::vector<std::string>& warnings) {
+  const std::vector<std::string> own = gltfFilesBeside(output);
+  for (const std::string& name : names) {
+    std::error_code ignored;
+    if (std::ranges::binary_search(own, name) || !std::filesystem::exists(output.parent_path() / name, ignored))
+      continue;
+    warnings.push_back(name + " stays beside it, of the " + output.filename().string() + " that was replaced");
+  }
+}
+
 bool opens(const ViewerProfile& viewer, const Format& format) {
   return std::ranges::find(viewer.opens, format.name) != viewer.opens.end();
 }
@@ -190,6 +214,8 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     throw Error(ErrorKind::usage, output.string(), "a target is only for .sog, .glb, .gltf and .html");
   }
   if (!options.dry_run) checkOutput(output, options.overwrite);
+  const std::vector<std::string> beside_older =
+      options.dry_run ? std::vector<std::string>() : besideOlder(format, output);
   ConvertReport report;
   report.dry_run = options.dry_run;
   report.output_format = format.name;
@@ -209,6 +235,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
     const std::filesystem::path file = folder ? folder->path() / output.filename() : output;
     writeTrial(format, file, output, source, write_options, report);
     if (report.output_bytes == 0) report.output_bytes = std::filesystem::file_size(file);
+    if (!beside_older.empty()) warnOfLeft(beside_older, output, report.warnings);
   };
   if (isStreamingPage(input, format, options)) {
     if (options.measure == Measure::always) {

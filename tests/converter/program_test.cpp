@@ -628,6 +628,26 @@ TEST_CASE("a trial that finds no room is told of the folder for temporary files"
   }
 }
 
+TEST_CASE("what an earlier .gltf referred to and the new one does not is named and stays") {
+  const Scratch scratch;
+  const std::string sample = std::filesystem::absolute("docs/sample.tgz").string() + " out/a.gltf --no-psnr ";
+  std::filesystem::create_directory(scratch.folder() / "out");
+  const Result first = tgconvert(scratch, sample);
+  REQUIRE(first.code == 0);
+  REQUIRE(std::filesystem::exists(scratch.folder() / "out/a_atlas_0_color.png"));
+  const std::string stays = "_color.png stays beside it, of the a.gltf that was replaced\n";
+  CHECK(tgconvert(scratch, sample + "--overwrite").err == first.err);  // by files of the same names
+  const Result dry = tgconvert(scratch, sample + "--overwrite --no-textures --dry-run");
+  CHECK_THAT(dry.err, !Contains(stays));
+  const Result bare = tgconvert(scratch, sample + "--overwrite --no-textures");
+  CHECK(bare.code == 0);
+  CHECK_THAT(bare.err, Contains("a_atlas_0" + stays) && !Contains("a.bin"));
+  CHECK(std::filesystem::exists(scratch.folder() / "out/a_atlas_0_color.png"));
+  CHECK_THAT(tgconvert(scratch, sample + "--overwrite --no-textures").err, !Contains(stays));
+  scratch.write("out/a.gltf", "no glTF");
+  CHECK(tgconvert(scratch, sample + "--overwrite").code == 0);
+}
+
 TEST_CASE("files beside a .gltf or a picture are replaced by --overwrite only") {
   const Scratch scratch;
   Bundle bundle;
