@@ -313,7 +313,7 @@ class Driver:
         run = self.options.work / name
         if (run / "done").exists():
             return run
-        flags = list(cell.flags)
+        flags = [*(() if cell.start else cell.scene.flags), *cell.flags]  # how to begin, unless with a model
         if cell.count:
             flags += ["--default-gaussians", self.whole(name)]
         if cell.start:
@@ -327,7 +327,7 @@ class Driver:
         print(name, file=sys.stderr, flush=True)
         run.parent.mkdir(parents=True, exist_ok=True)
         begun = commit()
-        self.call(cell, "tgtrain", *cell.scene.flags, "--device", self.options.device, "--run", run, "--resume", "-q",
+        self.call(cell, "tgtrain", "--device", self.options.device, "--run", run, "--resume", "-q",
                   "--metrics-every", "0", "--checkpoint-every", CHECKPOINTS[self.options.device], *flags)
         write_text(run / "done", begun)
         return run

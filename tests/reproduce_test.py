@@ -64,6 +64,23 @@ class Reproduce(unittest.TestCase):
             self.driver().run(CELL)
         self.assertIn(f"{done}: empty", str(told.exception))
 
+    def test_a_cell_that_begins_with_a_model_names_no_other_start(self):
+        driver, calls = self.driver(), {}
+
+        def call(cell, program, *flags):
+            calls[cell.name] = flags
+            (self.work / cell.name).mkdir(parents=True)
+
+        driver.call = call
+        driver.start = lambda name: self.work / name
+        driver.whole = lambda name: 1000
+        with unittest.mock.patch.object(reproduce, "commit", lambda: "abc1234"):
+            for name in ["lego/100/none/1", "lego/100/rgba/1"]:
+                driver.train(name)
+        self.assertIn("--start", calls["lego/100/none/1"])
+        self.assertNotIn("--start", calls["lego/100/rgba/1"])
+        self.assertIn("--start-model", calls["lego/100/rgba/1"])
+
     def test_frames_of_two_calls_are_kept_with_work_on_another_file_system(self):
         names = [CELL, "lego/100/none/1"]
         for name in names:
