@@ -140,17 +140,17 @@ void createInstance(const VulkanOptions& options, OwnedDevice& device) {
   }
 }
 
-// The first queue family that can do everything (and present, when there is a surface).
+// The first queue family that runs the passes; with a surface, one that also draws panels and presents.
 std::optional<std::uint32_t> findQueueFamily(VkPhysicalDevice physical, VkSurfaceKHR surface) {
   std::uint32_t count = 0;
   vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, nullptr);
   std::vector<VkQueueFamilyProperties> families(count);
   vkGetPhysicalDeviceQueueFamilyProperties(physical, &count, families.data());
-  constexpr VkQueueFlags kAll = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT;  // both imply transfer
+  const VkQueueFlags wanted = VK_QUEUE_COMPUTE_BIT | (surface ? VK_QUEUE_GRAPHICS_BIT : 0);  // both imply transfer
   for (std::uint32_t i = 0; i < count; ++i) {
     VkBool32 presents = VK_TRUE;
     if (surface) TG_VK(vkGetPhysicalDeviceSurfaceSupportKHR(physical, i, surface, &presents));
-    if ((families[i].queueFlags & kAll) == kAll && presents) return i;
+    if ((families[i].queueFlags & wanted) == wanted && presents) return i;
   }
   return std::nullopt;
 }
@@ -181,7 +181,7 @@ std::string whatIsMissing(VkPhysicalDevice physical, const VkPhysicalDevicePrope
                           const VulkanOptions& options, VkSurfaceKHR surface) {
   if (properties.apiVersion < VK_API_VERSION_1_1) return "Vulkan 1.1";
   if (std::string lacking = whatLimitsLack(properties.limits); !lacking.empty()) return lacking;
-  if (!findQueueFamily(physical, surface)) return surface ? "a queue that draws to the window" : "a graphics queue";
+  if (!findQueueFamily(physical, surface)) return surface ? "a queue that draws to the window" : "a compute queue";
   if (options.swapchain && !hasExtension(physical, VK_KHR_SWAPCHAIN_EXTENSION_NAME)) {
     return VK_KHR_SWAPCHAIN_EXTENSION_NAME;
   }

@@ -23,7 +23,8 @@ struct VulkanOptions {
   std::optional<std::size_t> index;                 // of listVulkanDevices(); instead of a name
 };
 
-// Instance, device, and queues of one family that does compute, graphics and transfer. Owns its handles.
+// Instance, device, and queues of one family that does compute and transfer, with a surface graphics, too. Owns its
+// handles.
 struct VulkanDevice {
   VkInstance instance = VK_NULL_HANDLE;
   VkSurfaceKHR surface = VK_NULL_HANDLE;

@@ -1,5 +1,6 @@
 tg_add_gpu_tests(vulkan_test vulkan_device.cpp tg_render_vulkan)
 target_sources(vulkan_test PRIVATE vulkan_frames_test.cpp vulkan_limits_test.cpp)
+target_link_options(vulkan_test PRIVATE LINKER:--wrap=vkGetPhysicalDeviceQueueFamilyProperties)
 # SwiftShader, the second implementation, is spared the cases that take it longest, and those that claim to bind fewer
 # texels than storage buffers, which it reads in their place. Skipped where scripts/fetch_swiftshader.sh could not fetch
 # it: nothing that the build needs brings it.

@@ -12,6 +12,8 @@ using namespace tg::test;
 
 namespace {
 
+VkQueueFlags hidden_queues = 0;  // what the driver's families of queues do not say that they can do
+
 // The least values of the specification (table "Required Limits") of what a pass, a buffer or an image asks for.
 VkPhysicalDeviceLimits leastLimits() {
   VkPhysicalDeviceLimits limits{};
@@ -26,7 +28,25 @@ VkPhysicalDeviceLimits leastLimits() {
   return limits;
 }
 
+class HiddenQueues {
+ public:
+  explicit HiddenQueues(VkQueueFlags flags) { hidden_queues = flags; }
+  HiddenQueues& operator=(HiddenQueues&&) = delete;
+  ~HiddenQueues() { hidden_queues = 0; }
+};
+
 }  // namespace
+
+// The linker puts it before Vulkan's own (--wrap).
+extern "C" {
+void __real_vkGetPhysicalDeviceQueueFamilyProperties(VkPhysicalDevice, std::uint32_t*, VkQueueFamilyProperties*);
+
+void __wrap_vkGetPhysicalDeviceQueueFamilyProperties(VkPhysicalDevice device, std::uint32_t* count,
+                                                     VkQueueFamilyProperties* families) {
+  __real_vkGetPhysicalDeviceQueueFamilyProperties(device, count, families);
+  for (std::uint32_t i = 0; families && i < *count; ++i) families[i].queueFlags &= ~hidden_queues;
+}
+}
 
 TEST_CASE("what a device lacks is named, one thing after the other, until it suffices") {
   VkPhysicalDeviceLimits limits = leastLimits();
@@ -41,6 +61,22 @@ TEST_CASE("what a device lacks is named, one thing after the other, until it suf
   CHECK_FALSE(whatLimitsLack(limits).empty());
   limits.maxTexelBufferElements = 1u << 27;  // then passes bind fewer storage buffers
   CHECK(whatLimitsLack(limits).empty());
+}
+
+TEST_CASE("a device whose queues compute and draw no triangles renders, one whose queues cannot compute is refused") {
+  const TestScene scene = makeScene(SceneKind::ordinary, 3, 50);
+  const auto draw = [&](VulkanDevice& device) {
+    const auto renderer = makeVulkanRenderer(device);
+    renderer->setModel(scene.model);
+    return renderer->render(scene.camera, {});
+  };
+  const Frame expected = draw(*createVulkanDevice({}));
+  {
+    const HiddenQueues hidden(VK_QUEUE_GRAPHICS_BIT);
+    CHECK(draw(*createVulkanDevice({})).base == expected.base);
+  }
+  const HiddenQueues hidden(VK_QUEUE_COMPUTE_BIT);
+  CHECK_THROWS_WITH(createVulkanDevice({}), Contains("lacks a compute queue"));
 }
 
 TEST_CASE("with Vulkan's least texel buffers a model of many times their size is drawn, to the same pixels",
