@@ -15,12 +15,11 @@ namespace tg {
 namespace {
 
 constexpr int kLeastVersion = 45;
-constexpr GLint kStorageBindings = 11;            // 1 + the highest number that a pass binds (blend)
-constexpr GLint kStorageBlocks = 7;               // the most that a pass binds (sort_scatter)
-constexpr GLint kTextureUnits = 6;                // the most that a pass binds (solid)
-constexpr GLint kGroupThreads = 256;              // of the widest pass
-constexpr GLint kSharedMemory = 20 * 1024;        // [bytes] of the pass with the most (sort_scatter)
-constexpr std::int64_t kMostBytes = 0xFFFFFFF0u;  // that passes can count
+constexpr GLint kStorageBindings = 11;      // 1 + the highest number that a pass binds (blend)
+constexpr GLint kStorageBlocks = 7;         // the most that a pass binds (sort_scatter)
+constexpr GLint kTextureUnits = 6;          // the most that a pass binds (solid)
+constexpr GLint kGroupThreads = 256;        // of the widest pass
+constexpr GLint kSharedMemory = 20 * 1024;  // [bytes] of the pass with the most (sort_scatter)
 
 GLint integer(GLenum name) {
   GLint value = 0;
@@ -88,7 +87,7 @@ void describeContext(GlDevice& device, const GlOptions& options) {
   device.limits.device = text(GL_RENDERER);
   GLint64 storage = 0;
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &storage);
-  device.limits.storage_bytes = static_cast<std::uint32_t>(std::clamp<std::int64_t>(storage, 0, kMostBytes));
+  device.limits.storage_bytes = static_cast<std::uint32_t>(std::clamp<std::int64_t>(storage, 0, kMostStorageBytes));
   device.limits.texel_elements = static_cast<std::uint32_t>(integer(GL_MAX_TEXTURE_BUFFER_SIZE));
   device.limits.image_side = static_cast<std::uint32_t>(integer(GL_MAX_TEXTURE_SIZE));
   device.uniform_alignment = static_cast<std::uint32_t>(std::max(integer(GL_UNIFORM_BUFFER_OFFSET_ALIGNMENT), 1));

@@ -33,9 +33,12 @@ class GpuImage {
 };
 using ImagePtr = std::unique_ptr<GpuImage>;
 
+// Of a storage buffer: the largest size in multiples of 16 that passes can count.
+constexpr std::uint32_t kMostStorageBytes = 0xFFFFFFF0u;
+
 struct GpuLimits {
   std::string device;                // its name, for messages
-  std::uint32_t storage_bytes = 0;   // that a storage buffer shows a shader
+  std::uint32_t storage_bytes = 0;   // that a storage buffer shows a shader, at most kMostStorageBytes
   std::uint32_t texel_elements = 0;  // of a buffer that is bound as texels
   std::uint32_t image_side = 0;      // [px]
 };

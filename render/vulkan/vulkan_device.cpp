@@ -292,9 +292,9 @@ std::vector<DeviceInfo> listVulkanDevices() {
 
 GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties, bool storage_texels) {
   const VkPhysicalDeviceLimits& limits = properties.limits;
-  const std::uint32_t texels =
-      storage_texels ? limits.maxStorageBufferRange / kLargestTexel : limits.maxTexelBufferElements;
-  return {properties.deviceName, limits.maxStorageBufferRange, texels, limits.maxImageDimension2D};
+  const std::uint32_t bytes = std::min(limits.maxStorageBufferRange, kMostStorageBytes);
+  const std::uint32_t texels = storage_texels ? bytes / kLargestTexel : limits.maxTexelBufferElements;
+  return {properties.deviceName, bytes, texels, limits.maxImageDimension2D};
 }
 
 std::string whatLimitsLack(const VkPhysicalDeviceLimits& limits) {

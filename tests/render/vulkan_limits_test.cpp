@@ -79,6 +79,16 @@ TEST_CASE("a device whose queues compute and draw no triangles renders, one whos
   CHECK_THROWS_WITH(createVulkanDevice({}), Contains("lacks a compute queue"));
 }
 
+TEST_CASE("a device that binds all that 32 bits count is given buffers of whole multiples of 16 bytes") {
+  VkPhysicalDeviceProperties properties{};
+  properties.limits.maxStorageBufferRange = properties.limits.maxTexelBufferElements = ~0u;
+  for (const bool storage_texels : {false, true}) {
+    const GpuLimits limits = limitsOf(properties, storage_texels);
+    CHECK(limits.storage_bytes == 0xFFFFFFF0u);
+    CHECK(bufferBytes(std::uint64_t{4} * maxPairCapacity(limits, {})) <= 0xFFFFFFF0u);
+  }
+}
+
 TEST_CASE("with Vulkan's least texel buffers a model of many times their size is drawn, to the same pixels",
           "[limits]") {
   VulkanOptions options;
