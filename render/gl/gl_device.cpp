@@ -122,8 +122,10 @@ void checkGl(const GlDevice& device, const char* what) {
   if (error == GL_NO_ERROR) return;
   while (glGetError() != GL_NO_ERROR && error != GL_CONTEXT_LOST) {
   }
-  throw Error(ErrorKind::device, device.limits.device,
-              "OpenGL: " + std::string(errorName(error)) + " (" + std::to_string(error) + ") in " + what);
+  const std::string message =
+      "OpenGL: " + std::string(errorName(error)) + " (" + std::to_string(error) + ") in " + what;
+  if (error == GL_OUT_OF_MEMORY) throw DoesNotFit(ErrorKind::device, device.limits.device, message);
+  throw Error(ErrorKind::device, device.limits.device, message);
 }
 
 }  // namespace tg

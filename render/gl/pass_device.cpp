@@ -79,10 +79,12 @@ GlBuffer::GlBuffer(const GlDevice& device, const char* name, std::uint64_t bytes
   const GLenum error = glGetError();
   if (error == GL_NO_ERROR) return;
   glDeleteBuffers(1, &buffer_);
+  if (error == GL_OUT_OF_MEMORY) {
+    throw DoesNotFit(ErrorKind::device, device_.limits.device,
+                     "no memory for " + std::string(name) + " (" + std::to_string(size_ >> 20) + " MiB)");
+  }
   throw Error(ErrorKind::device, device_.limits.device,
-              error == GL_OUT_OF_MEMORY
-                  ? "no memory for " + std::string(name) + " (" + std::to_string(size_ >> 20) + " MiB)"
-                  : "cannot make the buffer of " + std::string(name) + " (error " + std::to_string(error) + ")");
+              "cannot make the buffer of " + std::string(name) + " (error " + std::to_string(error) + ")");
 }
 
 GlBuffer::~GlBuffer() {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/image/image.h"
+#include "core/system/error.h"
 #include "render/renderer.h"
 #include "shared/layout.h"
 #include "shared/work.h"
@@ -63,7 +64,13 @@ class PassProgram {
   virtual void next() = 0;
 };
 
-// Every function throws Error(device) when the device fails or has no memory left.
+// A device has no room for what a picture needs; fewer of its rows need less.
+struct DoesNotFit : Error {
+  using Error::Error;
+};
+
+// Every function throws Error(device) when the device fails, makeBuffer() and makeImage() DoesNotFit when it has no
+// memory left.
 class GpuDevice {
  public:
   virtual ~GpuDevice() = default;

@@ -84,7 +84,8 @@ void GpuRenderer::setModel(const GaussianModel& model) {
   model_ = uploadModel(*device_, model, precision_);
   splats_.emplace(*device_, model_->gaussian_count);
   const std::uint64_t wish = std::max<std::uint64_t>(kFirstPairCapacity, kFirstPairsPerGaussian * model.size());
-  makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits(), tuning_))));
+  pair_room_ = static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits(), tuning_)));
+  makePairs(pair_room_);
 }
 
 Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) {
@@ -93,7 +94,7 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   if (rows < camera.size.y) return renderBands(camera, settings, rows);
   try {
     return renderWhole(camera, settings);
-  } catch (const TooManyPairs&) {
+  } catch (const DoesNotFit&) {
     if (rows <= static_cast<int>(kTileSize)) throw;
   }
   return renderBands(camera, settings, halfOfRows(rows));
@@ -124,19 +125,24 @@ Frame GpuRenderer::renderWhole(const Camera& camera, const RenderSettings& setti
   return frame;
 }
 
-// Pictures that the device cannot hold or sort at once, from the top down. Counts are those of the last band, times of
-// all.
+// Pictures that the device cannot bind, hold or sort at once, from the top down. Counts are those of the last band,
+// times of all.
 Frame GpuRenderer::renderBands(const Camera& camera, const RenderSettings& settings, int rows) {
   Frame frame;
   std::vector<PassTime> times;
+  const std::size_t pixels = std::size_t{static_cast<std::uint32_t>(camera.size.x)} * camera.size.y;
   for (int top = 0; top < camera.size.y; top += rows) {
     Camera band = camera;
     band.size.y = std::min(rows, camera.size.y - top);
     band.center.y -= top;
     const Frame part = render(band, settings);
     addTimes(times, times_);
-    forEachPlane([](Output, const auto& from, auto& to) { to.insert(to.end(), from.begin(), from.end()); }, part,
-                 frame);
+    forEachPlane(
+        [&](Output, const auto& from, auto& to) {
+          if (!from.empty()) to.reserve(pixels);
+          to.insert(to.end(), from.begin(), from.end());
+        },
+        part, frame);
   }
   times_ = std::move(times);
   frame.width = camera.size.x;
@@ -205,12 +211,31 @@ bool GpuRenderer::finishFrame() {
   if (pairs > most) {
     program_.reset();  // a frame that was recorded behind this one counts for nothing
     throw TooManyPairs(ErrorKind::device, device_->limits().device,
-                       std::to_string(image_->width) + " x " + std::to_string(image_->height) +
-                           " pixels of the view need " + (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) +
-                           " pairs of tile and splat (expected at most " + std::to_string(most) + ")");
+                       needs(pairs) + " (expected at most " + std::to_string(most) + ")");
   }
-  makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{pairs} + pairs / 4, most)));
+  growPairs(pairs);
   return false;
+}
+
+std::string GpuRenderer::needs(std::uint32_t pairs) const {
+  return std::to_string(image_->width) + " x " + std::to_string(image_->height) + " pixels of the view need " +
+         (pairs == ~0u ? "over 4294967294" : std::to_string(pairs)) + " pairs of tile and splat";
+}
+
+// A quarter more than a frame has, or just as many where memory has no room for that. Where it has not even for those,
+// the next frame begins with the room that there was.
+void GpuRenderer::growPairs(std::uint32_t pairs) {
+  const std::uint64_t wish = std::uint64_t{pairs} + pairs / 4;
+  try {
+    try {
+      makePairs(static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits(), tuning_))));
+    } catch (const DoesNotFit&) {
+      makePairs(pairs);
+    }
+  } catch (const DoesNotFit& error) {
+    throw TooManyPairs(ErrorKind::device, error.what() + ("; " + needs(pairs)));
+  }
+  pair_room_ = pairs_->capacity;
 }
 
 void GpuRenderer::makePairs(std::uint32_t capacity) {
@@ -233,7 +258,7 @@ bool GpuRenderer::blendedAll(std::uint32_t longest_list) {
 }
 
 void GpuRenderer::checkFrame(const Camera& camera, const RenderSettings& settings) const {
-  if (!pairs_) throw Error(ErrorKind::usage, "a frame needs a model whose buffers fit: setModel() comes first");
+  if (!splats_) throw Error(ErrorKind::usage, "a frame needs a model whose buffers fit: setModel() comes first");
   checkSettings(settings);
   if (camera.size.x <= 0 || camera.size.y <= 0) {
     throw Error(ErrorKind::usage, "camera \"" + camera.name + "\"",
@@ -270,6 +295,7 @@ FrameVariant GpuRenderer::variantOf(const RenderSettings& settings, FrameVariant
 GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
                                             const OutputRange& beside) {
   fitImage(camera);
+  if (!pairs_) makePairs(pair_room_);
   ViewUniforms view = viewOf(camera, settings, *model_, *image_, beside);
   if (variant.shown == Output::texture) view.exposure = settings.gain;
   variant = variantOf(settings, variant);

@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "core/system/error.h"
 #include "render/gpu/frame.h"
 #include "render/renderer.h"
 
@@ -21,9 +20,9 @@ struct OutputRange {
   std::uint32_t most = 0;
 };
 
-// A view has more pairs of tile and splat than the device binds; fewer of its rows have fewer.
-struct TooManyPairs : Error {
-  using Error::Error;
+// A view has more pairs of tile and splat than the device binds, or has memory for.
+struct TooManyPairs : DoesNotFit {
+  using DoesNotFit::DoesNotFit;
 };
 
 // One frame of the live viewer.
@@ -57,7 +56,8 @@ class GpuRenderer : public Renderer {
   // How many rows of the camera's image draw() can draw at once. Throws Error(device) when none.
   int rowsAtOnce(const Camera& camera) const;
   // Draws the picture of the requested output and waits for it. False: the pair buffer overflowed, the picture is
-  // incomplete and the buffers have been grown for the next frame. Throws TooManyPairs where they cannot grow so far.
+  // incomplete and the buffers have been grown for the next frame. Throws TooManyPairs where they cannot grow so far,
+  // DoesNotFit where there is no memory for the image; the next frame may be another one.
   bool draw(const FrameRequest& request);
   // What draw() drew, 3 channels.
   Image picture() { return device_->download(image_->picture, image_->width, image_->height); }
@@ -79,6 +79,8 @@ class GpuRenderer : public Renderer {
 
  private:
   void makePairs(std::uint32_t capacity);
+  void growPairs(std::uint32_t pairs);
+  std::string needs(std::uint32_t pairs) const;
   std::uint32_t roundsFor(std::uint32_t longest_list) const;
   bool blendedAll(std::uint32_t longest_list);
   FrameVariant variantOf(const RenderSettings& settings, FrameVariant variant) const;
@@ -100,7 +102,8 @@ class GpuRenderer : public Renderer {
   BufferPtr counters_;
   std::optional<ModelBuffers> model_;
   std::optional<SplatBuffers> splats_;
-  std::optional<PairBuffers> pairs_;
+  std::optional<PairBuffers> pairs_;  // none: where there was no memory for them, until the next frame
+  std::uint32_t pair_room_ = 0;       // that they have or will have
   std::optional<ImageBuffers> image_;
   FrameVariant variant_;
   std::uint32_t blend_rounds_ = 1;
@@ -109,8 +112,8 @@ class GpuRenderer : public Renderer {
   FrameCounts counts_;
 };
 
-// Of a picture of so many rows, more than a tile has: how many are in the bands into which it is cut where it has too
-// many pairs, at least those of a row of tiles.
+// Of a picture of so many rows, more than a tile has: how many are in the bands into which it is cut where it
+// does not fit, at least those of a row of tiles.
 int halfOfRows(int rows);
 
 // Repeats a frame until its buffers are large enough: `draw` is GpuRenderer::draw() or returns as it does. Throws

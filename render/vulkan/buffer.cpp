@@ -34,6 +34,13 @@ VkMemoryPropertyFlags flagsOf(Memory memory) {
   return memory == Memory::readBack ? host | VK_MEMORY_PROPERTY_HOST_CACHED_BIT : host;
 }
 
+// Of making `name`, of so many bytes.
+void checkRoom(const VulkanDevice& device, VkResult result, const char* name, VkDeviceSize bytes) {
+  if (result != VK_ERROR_OUT_OF_DEVICE_MEMORY && result != VK_ERROR_OUT_OF_HOST_MEMORY) return;
+  throw DoesNotFit(ErrorKind::device, device.properties.deviceName,
+                   "no memory for " + std::string(name) + " (" + std::to_string(bytes >> 20) + " MiB)");
+}
+
 VkDeviceMemory allocate(const VulkanDevice& device, const VkMemoryRequirements& needs, VkMemoryPropertyFlags flags,
                         const char* name) {
   VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
@@ -41,10 +48,7 @@ VkDeviceMemory allocate(const VulkanDevice& device, const VkMemoryRequirements& 
   info.memoryTypeIndex = findMemoryType(device, needs.memoryTypeBits, flags);
   VkDeviceMemory memory = VK_NULL_HANDLE;
   const VkResult result = vkAllocateMemory(device.device, &info, nullptr, &memory);
-  if (result == VK_ERROR_OUT_OF_DEVICE_MEMORY || result == VK_ERROR_OUT_OF_HOST_MEMORY) {
-    throw Error(ErrorKind::device, device.properties.deviceName,
-                "no memory for " + std::string(name) + " (" + std::to_string(needs.size >> 20) + " MiB)");
-  }
+  checkRoom(device, result, name, needs.size);
   TG_VK(result);
   return memory;
 }
@@ -73,7 +77,9 @@ Buffer::Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes,
                                          : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
                                                VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
   try {
-    TG_VK(vkCreateBuffer(device.device, &info, nullptr, &buffer_));
+    const VkResult made = vkCreateBuffer(device.device, &info, nullptr, &buffer_);
+    checkRoom(device, made, name, info.size);
+    TG_VK(made);
     VkMemoryRequirements needs;
     vkGetBufferMemoryRequirements(device.device, buffer_, &needs);
     memory_ = allocate(device, needs, flagsOf(memory), name);

@@ -67,6 +67,42 @@ class BindingLimit {
   Bindings kept_;
 };
 
+// Of the buffers of a device.
+struct BufferMemory {
+  std::uint64_t most = ~std::uint64_t{0};  // [bytes] of one: there is none for larger ones
+};
+
+// The device under test with so much memory.
+class ScarceDevice final : public GpuDevice {
+ public:
+  explicit ScarceDevice(BufferMemory& memory) : memory_(memory) {}
+
+  GpuLimits limits() const override { return device_->limits(); }
+  BufferPtr makeBuffer(const char* name, std::uint64_t bytes) override {
+    if (bytes > memory_.most) throw DoesNotFit(ErrorKind::device, std::string("no memory for ") + name);
+    return device_->makeBuffer(name, bytes);
+  }
+  ImagePtr makeImage(std::uint32_t width, std::uint32_t height) override { return device_->makeImage(width, height); }
+  void upload(const BufferPtr& target, std::uint64_t bytes, std::uint64_t granularity,
+              const std::function<void(std::uint64_t first, std::span<std::byte>)>& write) override {
+    device_->upload(target, bytes, granularity, write);
+  }
+  void download(const BufferPtr& source, std::span<std::byte> out) override { device_->download(source, out); }
+  Image download(const ImagePtr& source, std::uint32_t width, std::uint32_t height) override {
+    return device_->download(source, width, height);
+  }
+  std::unique_ptr<PassProgram> prepare(const PassList& list) override { return device_->prepare(list); }
+  void run(PassProgram& program, const ViewUniforms& view) override { device_->run(program, view); }
+
+ private:
+  std::unique_ptr<GpuDevice> device_ = makePassDevice();
+  BufferMemory& memory_;
+};
+
+std::unique_ptr<GpuRenderer> makeScarceRenderer(BufferMemory& memory) {
+  return std::make_unique<GpuRenderer>(std::make_unique<ScarceDevice>(memory), PassTuning{true, true, 4});
+}
+
 // `count` Gaussians of one size, facing a camera at the origin of a 16 x 16 image with focal length 16.
 TestScene facingScene(std::size_t count) {
   TestScene scene;
@@ -559,6 +595,78 @@ TEST_CASE("a view of more pairs than a binding holds is rendered in bands to the
   const Frame bands = renderScene(scene, settings);
   CHECK(passNames() == passes);
   checkBands(bands, whole, kAllOutputs.without({Output::texture, Output::texelDensity}));
+}
+
+TEST_CASE("a view whose pairs the device has no memory for is rendered in bands to the same but for rounding") {
+  TestScene scene = makeScene(SceneKind::ordinary, 4, 4000, 90, 70);
+  scene.model.atlas = {};
+  RenderSettings settings;
+  settings.outputs = kAllOutputs;
+  settings.splat_scale = 8.0f;
+  BufferMemory memory;
+  const auto renderer = makeScarceRenderer(memory);
+  renderer->setModel(scene.model);
+  const Frame whole = renderer->render(scene.camera, settings);
+  const FrameRequest request{scene.camera, settings};
+  REQUIRE(renderer->draw(request));
+  const Image picture = renderer->picture();
+  const std::uint32_t pairs = renderer->counts().pairs;
+
+  renderer->setModel(scene.model);
+  memory.most = 4 * pairs;  // and not for a quarter more
+  REQUIRE_FALSE(renderer->draw(request));
+  CHECK(renderer->draw(request));
+  CHECK(renderer->picture().data == picture.data);
+
+  memory = {};
+  renderer->setModel(scene.model);
+  memory.most = 4 * pairs - 1;
+  CHECK_THROWS_WITH(renderer->draw(request), Contains("no memory for pair keys; 90 x 70 pixels of the view need " +
+                                                      std::to_string(pairs) + " pairs of tile and splat"));
+  CHECK_THROWS_AS(renderer->draw(request), TooManyPairs);
+  checkBands(renderer->render(scene.camera, settings), whole,
+             kAllOutputs.without({Output::texture, Output::texelDensity}));
+}
+
+TEST_CASE(
+    "a row of tiles whose pairs the device has no memory for is an error that says so, and other views are drawn") {
+  TestScene scene = facingScene(4000);
+  for (glm::vec3& log_scale : scene.model.log_scale) log_scale = glm::vec3(3.0f);  // around the camera: in every tile
+  BufferMemory memory;
+  const auto renderer = makeScarceRenderer(memory);
+  renderer->setModel(scene.model);
+  const Frame few = renderer->render(scene.camera, {});
+  memory.most = 4 * 70000;
+  Camera wide = scene.camera;
+  wide.size = {320, 48};
+  CHECK_THROWS_WITH(renderer->render(wide, {}), Contains("no memory for pair keys; 320 x 16 pixels of the view need "
+                                                         "80000 pairs of tile and splat"));
+  CHECK(same(renderer->render(scene.camera, {}), few));
+
+  memory = {};
+  renderer->setModel(scene.model);
+  memory.most = 4 * 70000;
+  CHECK_THROWS_AS(renderer->draw({wide, {}}), TooManyPairs);
+  memory.most = 4 * 4000;  // not even for the pairs of before
+  CHECK_THROWS_WITH(renderer->render(scene.camera, {}), Contains("no memory for pair keys"));
+  memory = {};
+  CHECK(same(renderer->render(scene.camera, {}), few));
+  CHECK(validationMessages() == "");
+}
+
+TEST_CASE("a picture that the device has no memory for is rendered in bands to the same but for rounding") {
+  const TestScene scene = makeScene(SceneKind::mixed, 4, 300, 90, 70);
+  RenderSettings settings;
+  settings.outputs = kAllOutputs;
+  BufferMemory memory;
+  const auto renderer = makeScarceRenderer(memory);
+  renderer->setModel(scene.model);
+  const Frame whole = renderer->render(scene.camera, settings);
+  memory.most = 16 * 90 * 40;
+  const Camera smaller = resized(scene.camera, 45, 35);
+  const Frame other = renderer->render(smaller, settings);
+  checkBands(renderer->render(scene.camera, settings), whole, kAllOutputs);
+  CHECK(same(renderer->render(smaller, settings), other));
 }
 
 TEST_CASE("what exceeds every binding is an error that names numbers", "[limits]") {

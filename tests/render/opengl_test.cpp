@@ -125,5 +125,6 @@ TEST_CASE("a buffer that the device has no memory for is an error that names it 
   const std::unique_ptr<GpuDevice> device = makePassDevice();
   CHECK_THROWS_WITH(device->makeBuffer("the moon", std::uint64_t{1} << 50),
                     Contains("no memory for the moon (1073741824 MiB)"));
+  CHECK_THROWS_AS(device->makeBuffer("the moon", std::uint64_t{1} << 50), DoesNotFit);
   validationMessages();  // it says so, too
 }

@@ -3,6 +3,7 @@
 #include "core/bundle/bundle.h"
 #include "core/image/metrics.h"
 #include "render/vulkan/check.h"
+#include "render/vulkan/pass_device.h"
 #include "render/vulkan/vulkan_renderer.h"
 #include "support/catch.h"
 #include "support/scenes.h"
@@ -132,6 +133,14 @@ TEST_CASE("the sample model, of 90,002 elements of texels, is drawn as the CPU d
   vulkan->setModel(sample.model);
   const Image expected = visualize(cpu->render(camera, settings), Output::final);
   CHECK(psnr(visualize(vulkan->render(camera, settings), Output::final), expected) > 60);
+}
+
+TEST_CASE("a buffer that the device has no memory for is an error that names it and its size") {
+  const auto device = createVulkanDevice({});
+  VulkanPassDevice passes(*device, makePipelines(*device));
+  CHECK_THROWS_WITH(passes.makeBuffer("the moon", std::uint64_t{1} << 50),
+                    Contains("no memory for the moon (1073741824 MiB)"));
+  CHECK_THROWS_AS(passes.makeBuffer("the moon", std::uint64_t{1} << 50), DoesNotFit);
 }
 
 TEST_CASE("an error of Vulkan names the function and the result, and no place in a source file") {

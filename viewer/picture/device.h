@@ -23,7 +23,7 @@ class PictureImage {
 };
 
 // Makes pictures, all in the thread that made it, which also destroys it. Images may be destroyed in another thread,
-// too. Throws Error(device), std::bad_alloc.
+// too. Throws Error(device), std::bad_alloc; drawing DoesNotFit, after which fewer rows of the picture may be drawn.
 class PictureDevice {
  public:
   virtual ~PictureDevice() = default;

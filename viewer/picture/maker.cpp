@@ -31,6 +31,8 @@ OutputRange united(const OutputRange& a, const OutputRange& b) {
   return {std::min(a.least, b.least), std::max(a.most, b.most)};
 }
 
+bool canBeCut(int rows) { return rows > static_cast<int>(kTileSize); }
+
 FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
 
 // Of the model to compare with.
@@ -64,7 +66,7 @@ struct PictureMaker::Loaded {
     std::rotate(parts.begin(), found, found + 1);
     return parts.front();
   }
-  // So many rows at once have too many pairs: what comes next is half of them.
+  // So many rows at once do not fit: what comes next is half of them.
   void refuse(glm::ivec2 size, int tried) {
     Parts& of_size = partsOf(size);
     of_size.rows = halfOfRows(tried);
@@ -132,7 +134,7 @@ bool PictureMaker::begin(const PictureRequest& request) {
   if (beside) {
     Loaded& model = loaded(request.model);
     const std::shared_ptr<PictureImage> image = freeImage(request.camera.size);
-    if (model.partsOf(image->size).rows >= image->size.y && device_.begin(*model.gpu, frameOf(request), image)) {
+    if (model.partsOf(image->size).rows >= image->size.y && beginOnDevice(model, request, image)) {
       begun.model = &model;
       begun.target = image;
       begun.picture.image = image;
@@ -144,6 +146,18 @@ bool PictureMaker::begin(const PictureRequest& request) {
   draw(begun.picture);
   begun_.push_back(std::move(begun));
   return true;
+}
+
+// As the device says it; a picture that it can draw in parts alone is not begun.
+bool PictureMaker::beginOnDevice(Loaded& model, const PictureRequest& request,
+                                 const std::shared_ptr<PictureImage>& target) {
+  try {
+    return device_.begin(*model.gpu, frameOf(request), target);
+  } catch (const DoesNotFit&) {
+    if (!canBeCut(target->size.y)) throw;
+    model.refuse(target->size, target->size.y);
+    return false;
+  }
 }
 
 double PictureMaker::expectedRest() const {
@@ -182,10 +196,10 @@ std::optional<Picture> PictureMaker::finish(double milliseconds_at_most) {
 std::optional<bool> PictureMaker::finishOldest(double milliseconds_at_most) {
   try {
     return device_.finish(milliseconds_at_most);
-  } catch (const TooManyPairs&) {
+  } catch (const DoesNotFit&) {
     const Begun& oldest = begun_.front();
     const glm::ivec2 size = oldest.target->size;
-    if (size.y <= static_cast<int>(kTileSize)) throw;
+    if (!canBeCut(size.y)) throw;
     oldest.model->refuse(size, size.y);
     return false;
   }
@@ -316,8 +330,8 @@ OutputRange PictureMaker::drawOnDevice(Loaded& loaded, const PictureRequest& req
       parts.fitted = rows;
       parts.rows = std::exchange(parts.refused, false) ? rows : std::min(2 * rows, most);
       return range;
-    } catch (const TooManyPairs&) {
-      if (rows <= static_cast<int>(kTileSize)) throw;
+    } catch (const DoesNotFit&) {
+      if (!canBeCut(rows)) throw;
       loaded.refuse(size, rows);
     }
   }

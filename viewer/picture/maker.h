@@ -41,6 +41,7 @@ class PictureMaker {
   };
   void forgetPhotograph();
   void draw(Picture& picture);
+  bool beginOnDevice(Loaded& model, const PictureRequest& request, const std::shared_ptr<PictureImage>& target);
   std::optional<bool> finishOldest(double milliseconds_at_most);
   void describe(Picture& picture, const Loaded& model) const;
   Loaded& loaded(const std::shared_ptr<const GaussianModel>& model);

@@ -3,7 +3,8 @@
 //   lose-device           the next picture on a device fails as on a lost one
 //   lose-window-device    the window's next frame does
 //   withhold-images COUNT the window system has no image for the window's next so many frames, where it is Vulkan's
-//   crowd ROWS            pictures on a device of more rows have more pairs than it binds
+//   crowd ROWS            pictures on a device of more rows have more pairs than it has room for
+//   cramp ROWS            it has no memory for more rows of a picture that is begun
 //   crowd-of-two ROWS     likewise from when two views are under way at once, for which one waits, at most 60 s
 //   refused COUNT         fails where that was so of another number of pictures and parts of pictures so far
 //   hold-picture FILE     the next picture waits until there is such a file, at most 60 s
@@ -19,6 +20,7 @@
 #include <vulkan/vulkan.h>
 #endif
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -52,6 +54,7 @@ constexpr int kWithoutGlfw = 71;  // exit code: a file was being read when GLFW 
 std::atomic<bool> lose_device{false}, lose_window{false};
 std::atomic<int> withheld{0};  // images
 std::atomic<int> crowd{std::numeric_limits<int>::max()};
+std::atomic<int> cramp{std::numeric_limits<int>::max()};
 std::atomic<int> crowd_of_two{0};  // 0: none is waited for
 std::atomic<Clock::time_point> two_until;
 std::atomic<int> refused{0};
@@ -66,6 +69,7 @@ constexpr std::array kVerbs = {
     Verb{"lose-window-device", 0, 1, [](const Call&) { lose_window = true; }},
     Verb{"withhold-images", 1, 0, [](const Call& c) { withheld = static_cast<int>(c.number(0, 1, 1e6)); }},
     Verb{"crowd", 1, 1, [](const Call& c) { crowd = static_cast<int>(c.number(0, 1, 1e6)); }},
+    Verb{"cramp", 1, 1, [](const Call& c) { cramp = static_cast<int>(c.number(0, 1, 1e6)); }},
     Verb{"crowd-of-two", 1, 0,
          [](const Call& c) {
            two_until = Clock::now() + std::chrono::seconds(60);
@@ -124,7 +128,7 @@ LodReader heldFiles(LodReader files) {
 
 [[noreturn]] void refuse() {
   ++refused;
-  throw TooManyPairs(ErrorKind::device, "more pairs than a script allows");
+  throw DoesNotFit(ErrorKind::device, "more rows than a script allows");
 }
 
 // What the CPU draws is only uploaded, and is not lost with the device.
@@ -137,13 +141,14 @@ class FaultyDevice final : public PictureDevice {
   bool draw(GpuRenderer& renderer, const FrameRequest& request, PictureImage& target, int top) override {
     loseIf(lose_device);
     dawdle();
-    if (request.camera.size.y > crowd) refuse();
+    if (request.camera.size.y > std::min<int>(crowd, cramp)) refuse();
     return device_->draw(renderer, request, target, top);
   }
   bool begin(GpuRenderer& renderer, const FrameRequest& request, const std::shared_ptr<PictureImage>& target) override {
     loseIf(lose_device);
     dawdle();
     if (!under_way_.empty() && under_way_.front().ended) return false;
+    if (request.camera.size.y > cramp) refuse();
     const bool begun = device_->begin(renderer, request, target);
     if (begun) under_way_.push_back({request.camera, target});
     return begun;

@@ -409,6 +409,15 @@ TEST_CASE("a view of more pairs than the device binds is drawn in parts without 
   CHECK(psnr(shop.read("depth.png"), shop.read("whole.png")) > 45);
 }
 
+TEST_CASE("a picture that the device has no memory for is drawn in parts without a message", "[window]") {
+  TG_SKIP_IF(noWindow());
+  const Workshop shop;
+  test::writeSample(shop / "model.tgz");
+  play(shop, "panel off\nwait 2\ncramp 50\norbit 10 0\nwait 1\nsave-camera c.json\nwindow parts.png\nrefused 2\n",
+       "240x180", backendOr("vulkan"), {}, TG_TGVIEW_UNDER_TEST);
+  CHECK(psnr(shop.read("parts.png"), render(shop, {"--camera", "c.json"})) > 45);
+}
+
 TEST_CASE("a picture that is under way while the one before it turns out to need parts is drawn again", "[window]") {
   TG_SKIP_IF(noWindow());
   TG_SKIP_IF(backendOr("vulkan") != "vulkan" ? "pictures overlap on Vulkan alone" : "");
