@@ -5,6 +5,10 @@
 # Each builds in build-NAME and keeps what it built, its log (check.log) and its fuzz corpus: go on with --only.
 # Installs what that needs first: the tests' packages and, but for debug alone, clang 19.
 set -uo pipefail
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 cd "$(dirname "$0")/.."
 
 names=()

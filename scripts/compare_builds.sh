@@ -3,6 +3,10 @@
 # small scale, every output format, edits, every kind of picture on every backend that works here, and the conformance
 # files through both; names each file that differs and exits with 1. FOLDER keeps the outputs, default a temporary one.
 set -euo pipefail
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 old=$(realpath "$1") new=$(realpath "$2")
 folder=$(realpath -m "${3:-$(mktemp -d)}")
 cd "$(dirname "$0")/.."

@@ -2,6 +2,10 @@
 # A second Vulkan driver for the tests, and the validation layer of its time: `fetch_swiftshader.sh FOLDER` unpacks both from
 # Debian's chromium-common into FOLDER, where nothing is installed. Exit code 1, with a line, where they cannot be had.
 set -euo pipefail
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 
 folder=${1:?expected a folder}
 [ -e "$folder/driver.json" ] && exit 0

@@ -8,6 +8,10 @@
 # table of its own. --sizes: of the timed pictures ("800x800 1600x1064"). Ends with 5 where no device answers: then the
 # table holds the tests on the host alone.
 set -euo pipefail
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 from=$PWD
 cd "$(dirname "$0")/.."
 folder() { (cd "$from" && realpath -m "$1"); }  # as the caller names it

@@ -1,6 +1,10 @@
 #!/usr/bin/env bash
 # Makes docs/sample.tgz (the trained model that ships) and the README's pictures again, with the programs in build/bin.
 set -euo pipefail
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 cd "$(dirname "$0")/.."
 bin=build/bin
 work=$(mktemp -d)

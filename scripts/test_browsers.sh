@@ -3,6 +3,10 @@
 # from apt where there is none, node and npm alike, and the packages of tests/web/viewers/package.json into
 # build/web_packages. build/ must hold a build with tests. `ctest` alone downloads nothing and skips what is not there.
 set -euo pipefail
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 cd "$(dirname "$0")/.."
 
 missing=()

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Help, manual pages and completions of the programs, from the same option tables, and the pages of docs/ beside them:
-commands_test.py PROGRAM..."""
+"""Help, manual pages and completions of the programs, from the same option tables, the pages of docs/ beside them, and the
+help of scripts: commands_test.py PROGRAM..."""
 import os
 import pathlib
 import re
@@ -147,6 +147,15 @@ def check_docs(known):
             check(re.search(re.escape(option) + r"(?![\w-])", pages), f"docs/*.md: no {option} of {program}")
 
 
+def check_scripts():
+    """What a script is for is told without beginning it."""
+    for script in sorted((pathlib.Path(__file__).resolve().parents[1] / "scripts").glob("*.sh")):
+        with tempfile.TemporaryDirectory() as folder:
+            result = run(script, "--help", cwd=folder, env={"PATH": "/usr/bin:/bin", "HOME": folder})
+        heading = re.search(r"^#!.*\n# (.*)$", script.read_text(), re.M)[1]
+        check(result.returncode == 0 and result.stdout.startswith(heading), f"{script.name} --help: {result.stdout[:200]}")
+
+
 def main():
     programs = [pathlib.Path(name) for name in sys.argv[1:]]
     known, texts = {}, {}
@@ -164,6 +173,7 @@ def main():
     for name, text in texts.items():
         check_examples(name, text, known)
     check_docs(known)
+    check_scripts()
     with tempfile.TemporaryDirectory() as folder:
         for program in programs:
             tables = known[program.name]
