@@ -9,6 +9,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <system_error>
 
 #include "core/file/file.h"
 #include "core/file/json.h"
@@ -156,6 +157,16 @@ std::optional<BlockFile> readBlock(const fs::path& folder) {
   }
   if (block.views.empty()) root.fail("has no photographs (expected one at least)");
   return block;
+}
+
+fs::path wholeDataset(const fs::path& folder, const BlockFile& block) {
+  const fs::path whole = (folder / block.dataset).lexically_normal();
+  std::error_code error;
+  if (!fs::is_directory(whole, error)) {
+    throw Error(ErrorKind::cannotRead, (folder / kBlockName).string(),
+                "its data set " + block.dataset + " is not there");
+  }
+  return whole;
 }
 
 }  // namespace tg

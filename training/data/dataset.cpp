@@ -484,7 +484,7 @@ Dataset loadDataset(const fs::path& place, const DatasetOptions& options) {
 
   Dataset dataset;
   const std::optional<BlockFile> block = readBlock(place);
-  const fs::path folder = block ? (place / block->dataset).lexically_normal() : place;
+  const fs::path folder = block ? wholeDataset(place, *block) : place;
   const fs::path canonical = fs::weakly_canonical(whole_place, code);
   dataset.name = (code ? whole_place : canonical).filename().string();
   dataset.layout = options.layout;

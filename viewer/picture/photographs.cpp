@@ -44,7 +44,7 @@ bool isNamedForPhotographs(const std::filesystem::path& path) {
 // A block holds no photographs: they are where it says.
 fs::path wholeOf(fs::path folder) {
   const std::optional<BlockFile> block = readBlock(folder);
-  return block ? (folder / block->dataset).lexically_normal() : folder;
+  return block ? wholeDataset(folder, *block) : folder;
 }
 
 }  // namespace

@@ -52,6 +52,12 @@ TEST_CASE("blocks survive their file, and a point lies in one of them", "[blocks
   CHECK(block->block.cell.high.x == 0.1);
   CHECK_THROWS_WITH(tg::writeBlock(folder.path, {blocks[0], "../scene", "colmap", {"images/caf\xe9.jpg"}}),
                     Contains("is no UTF-8"));
+
+  const fs::path moved = folder / "moved";
+  CHECK(tg::test::messageOf([&] { tg::wholeDataset(moved, *block); }, tg::ErrorKind::cannotRead) ==
+        (moved / "block.json").string() + ": its data set ../scene is not there");
+  fs::create_directory(folder / "scene");
+  CHECK(tg::wholeDataset(moved, *block) == folder / "scene");
 }
 
 TEST_CASE("what is no scene in blocks is named", "[blocks]") {
