@@ -160,6 +160,10 @@ TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at
   CHECK(status.code == 0);
   CHECK_THAT(status.output, Contains("2 of 5 done, 3 failed") && Contains("2, 2 failed"));
   CHECK_THAT(contents(folder / "farm.html"), Contains("<td>wrong</td><td>failed</td>"));
+  const std::string at = nlohmann::json::parse(contents(folder / "farm/jobs/wrong/0001/end.json"))["worker"];
+  CHECK(at.find(':') < at.size() - 1);  // HOST:PROCESS
+  CHECK(nlohmann::json::parse(contents(folder / "farm/jobs/wrong/failed.json"))["worker"] == at);
+  CHECK_THAT(status.output, Contains(at + ", exit code 1: no such option"));
   CHECK(tgtrain(folder, "farm --status farm --html farm.html").code == 4);
 }
 

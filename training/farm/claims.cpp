@@ -64,11 +64,14 @@ std::string textIn(const nlohmann::json& note, const char* key) {
   return found != note.end() && found->is_string() ? found->get<std::string>() : "";
 }
 
-nlohmann::ordered_json jsonOf(const Failure& failure) { return {{"code", failure.code}, {"words", failure.words}}; }
+nlohmann::ordered_json jsonOf(const Failure& failure) {
+  return {{"code", failure.code}, {"words", failure.words}, {"worker", failure.worker}};
+}
 
 Failure failureIn(const nlohmann::json& note) {
   const auto code = note.find("code");
-  return {code != note.end() && code->is_number_integer() ? code->get<int>() : 0, textIn(note, "words")};
+  return {code != note.end() && code->is_number_integer() ? code->get<int>() : 0, textIn(note, "words"),
+          textIn(note, "worker")};
 }
 
 std::string attemptName(int number) { return formatted("%04d", number); }

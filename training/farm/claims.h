@@ -29,6 +29,7 @@ constexpr auto namesOf(AttemptEnd) { return enumNames("released", "failed"); }
 struct Failure {
   int code = 0;  // the exit code of tgtrain, 128 + N after signal N
   std::string words;
+  std::string worker = {};  // at whom
 };
 
 // Open: nobody is at it. Taken: somebody is, or died.

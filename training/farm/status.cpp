@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kColumns = 7;
 using Cells = std::array<std::string, kColumns>;
 constexpr std::array<std::string_view, kColumns> kHeads = {
-    "job", "state", "attempts", "iteration", "PSNR", "left", "worker, or why it failed"};
+    "job", "state", "attempts", "iteration", "PSNR", "left", "worker, and why it failed"};
 
 std::string attemptsOf(const JobView& view) {
   std::string text = std::to_string(view.attempts);
@@ -39,7 +39,11 @@ Cells cellsOf(const FarmRow& row) {
     if (view.state == JobState::taken && row.now->seconds_left) cells[5] = formatSeconds(*row.now->seconds_left);
   }
   if (row.test_psnr) cells[4] = formatted("%.2f dB", *row.test_psnr);
-  if (view.failure) cells[6] = "exit code " + std::to_string(view.failure->code) + ": " + view.failure->words;
+  if (view.failure) {
+    const Failure& failure = *view.failure;
+    cells[6] = (failure.worker.empty() ? "" : failure.worker + ", ") + "exit code " + std::to_string(failure.code) +
+               ": " + failure.words;
+  }
   for (std::string& cell : cells) cell = printable(cell);
   return cells;
 }

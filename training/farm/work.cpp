@@ -108,7 +108,8 @@ class Worker {
       JobView view = folder_.look(job.name);
       if (view.state == JobState::taken && watch_.isDead(job.name, view, Clock::now())) {
         if (view.deaths >= options_.takeovers) {
-          const Failure failure{kSignalled + SIGKILL, std::to_string(view.deaths + 1) + " workers died at it"};
+          const Failure failure{kSignalled + SIGKILL, std::to_string(view.deaths + 1) + " workers died at it",
+                                view.worker};
           folder_.fail(job.name, failure);
           folder_.end(job.name, view.attempts, AttemptEnd::released, failure);  // for one who removes failed.json
           listener_.warn(job.name + ": given up: " + failure.words);
@@ -143,7 +144,7 @@ class Worker {
       finish(job, number, choice.view.failures, train(job, number, overtaken));
     } catch (const Stopped&) {
       if (overtaken) return listener_.warn(job.name + ": another worker has taken over; this one lets it go");
-      folder_.end(job.name, number, AttemptEnd::released, {kSignalled + stop_, "stopped"});
+      folder_.end(job.name, number, AttemptEnd::released, {kSignalled + stop_, "stopped", worker_});
       listener_.say(job.name + ": stopped; open for others");
     } catch (const Error& error) {
       release(job, number, error.what());
@@ -154,7 +155,7 @@ class Worker {
   // For others, if the folder can still be written: an attempt that nobody ended goes stale.
   void release(const FarmJob& job, int number, const std::string& why) {
     try {
-      folder_.end(job.name, number, AttemptEnd::released, {static_cast<int>(ErrorKind::cannotWrite), why});
+      folder_.end(job.name, number, AttemptEnd::released, {static_cast<int>(ErrorKind::cannotWrite), why, worker_});
     } catch (const Error&) {
     }
   }
@@ -203,7 +204,7 @@ class Worker {
     // Whoever took over has moved the run: that it failed here says nothing of the job.
     overtaken = end.code != 0 && folder_.isOvertaken(job.name, number);
     if (overtaken) throw Stopped();
-    return {end.code, shortened(printable(error_line.empty() ? end.last : error_line))};
+    return {end.code, shortened(printable(error_line.empty() ? end.last : error_line)), worker_};
   }
 
   void finish(const FarmJob& job, int number, int failures, Failure failure) {
@@ -213,7 +214,7 @@ class Worker {
     if (isStopCode(failure.code)) {
       pause(kSignalDelay);
       if (stop_ != 0) {
-        folder_.end(job.name, number, AttemptEnd::released, {failure.code, "stopped"});
+        folder_.end(job.name, number, AttemptEnd::released, {failure.code, "stopped", worker_});
         return listener_.say(job.name + ": stopped; open for others");
       }
       failure.words = "the training alone was told to stop";
@@ -221,7 +222,7 @@ class Worker {
     // All that it writes is the farm's: where this cannot write there either, not the job is wrong, but the place.
     if (failure.code == static_cast<int>(ErrorKind::cannotWrite)) requireRoom(place, failure.words);
     if (failure.code == 0 && !isFile(result / job.output)) {
-      failure = {static_cast<int>(ErrorKind::usage), "ended without a model (a flag that only prints?)"};
+      failure = {static_cast<int>(ErrorKind::usage), "ended without a model (a flag that only prints?)", worker_};
     }
     if (failure.code != 0) {
       const bool last = isFinal(failure.code) || failures >= options_.retries;

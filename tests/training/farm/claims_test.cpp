@@ -67,10 +67,11 @@ TEST_CASE("what becomes of an attempt decides what becomes of its job", "[farm]"
   CHECK(farm.look("a").state == JobState::open);
   CHECK(farm.look("a").failures == 1);
   CHECK(farm.look("a").deaths == 0);
-  farm.fail("a", {2, "cannot read"});
+  farm.fail("a", {2, "cannot read", "w"});
   REQUIRE(farm.look("a").state == JobState::failed);
   CHECK(farm.look("a").failure->code == 2);
   CHECK(farm.look("a").failure->words == "cannot read");
+  CHECK(farm.look("a").failure->worker == "w");
 
   // Killed between any two calls: folders without files, files without an end.
   fs::create_directories(folder / "farm/jobs/b/0001");
