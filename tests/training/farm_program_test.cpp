@@ -142,7 +142,7 @@ TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at
   writeJobs(folder, "2", 1, "60");
   fs::copy(folder / "scene", folder / "photos", fs::copy_options::recursive);  // as a command is called
   std::ofstream(folder / "jobs.jsonl", std::ios::app)
-      << "{\"name\": \"absent\", \"dataset\": \"nowhere\"}\n"
+      << "{\"name\": \"fails\", \"dataset\": \"scene\", \"flags\": [\"--start-model\", \"absent.ply\"]}\n"
       << "{\"name\": \"wrong\", \"dataset\": \"scene\", \"flags\": [\"--gausians\", \"3\"]}\n"
       << "{\"name\": \"command\", \"dataset\": \"photos\", \"flags\": [\"--iterations\", \"2\", "
          "\"--texture-iterations\", \"0\"]}\n"
@@ -151,8 +151,8 @@ TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at
   INFO(worker.output);
   CHECK(worker.code == 2);
   CHECK_THAT(worker.output,
-             Contains("absent: attempt 1 failed with exit code 2, tried again: ./nowhere: ") &&
-                 Contains("absent: attempt 2 failed with exit code 2; given up: ./nowhere: ") &&
+             Contains("fails: attempt 1 failed with exit code 2, tried again: absent.ply: ") &&
+                 Contains("fails: attempt 2 failed with exit code 2; given up: absent.ply: ") &&
                  Contains("wrong: attempt 1 failed with exit code 1; given up: no such option") &&
                  Contains("prints: attempt 1 failed with exit code 1; given up: ended without a model") &&
                  Contains("2 of 5 jobs done, 3 given up"));
@@ -165,6 +165,75 @@ TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at
   CHECK(nlohmann::json::parse(contents(folder / "farm/jobs/wrong/failed.json"))["worker"] == at);
   CHECK_THAT(status.output, Contains(at + ", exit code 1: no such option"));
   CHECK(tgtrain(folder, "farm --status farm --html farm.html").code == 4);
+}
+
+TEST_CASE("jobs whose data set is not on a machine are left to others", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  REQUIRE(tgtrain(folder, "split scene blocks --blocks 1x1 --gaussians 50 -q").code == 0);
+  fs::create_directories(folder / "copied/block_0_0");
+  fs::copy(folder / "blocks/block_0_0", folder / "copied/block_0_0");
+  fs::create_directory(folder / "mount");
+  std::ofstream(folder / "jobs.jsonl") << "{\"name\": \"a\", \"dataset\": \"nowhere\"}\n"
+                                       << "{\"name\": \"b\", \"dataset\": \"mount\"}\n"
+                                       << "{\"name\": \"c\", \"dataset\": \"copied/block_0_0\"}\n";
+  fs::rename(folder / "scene", folder / "copied/scene");  // a block of it is as before
+  std::ofstream(folder / "jobs.jsonl", std::ios::app)
+      << "{\"name\": \"d\", \"dataset\": \"copied/scene\", \"flags\": [\"--iterations\", \"2\", "
+         "\"--texture-iterations\", \"0\"]}\n";
+  const Outcome worker = tgtrain(folder, "farm jobs.jsonl --out farm");
+  INFO(worker.output);
+  CHECK(worker.code == 2);
+  CHECK_THAT(worker.output, Contains("a: its data set nowhere is not on this machine; left to others") &&
+                                Contains("b: its data set mount is not") &&
+                                Contains("c: its data set copied/block_0_0 is not") &&
+                                Contains("1 of 4 jobs done, 3 left to others"));
+  for (const char* name : {"a", "b", "c"}) CHECK_FALSE(fs::exists(folder / "farm/jobs" / name));
+  // Another is at one of them: there is no waiting for what cannot be done here.
+  fs::create_directories(folder / "farm/jobs/a/0001");
+  const Outcome beside = tgtrain(folder, "farm jobs.jsonl --out farm");
+  CHECK(beside.code == 2);
+  CHECK_THAT(beside.output, Contains("1 of 4 jobs done, 2 left to others, others are at 1"));
+}
+
+TEST_CASE("a data set that vanishes from a machine during a training leaves the job to others", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(
+      tgtrain(folder, "make-sample scene --size 512 --views 4 --test-views 1 --points 200 --supersampling 1").code ==
+      0);
+  std::ofstream(folder / "jobs.jsonl")  // of four photographs one is in memory
+      << R"({"name": "a", "dataset": "scene", "flags": ["--image-memory", "1", "--iterations", "1000000"]})";
+  Child worker(folder, "farm jobs.jsonl --out farm --retries 0");
+  worker.until([&] { return contents(folder / "farm/jobs/a/0001/run/metrics.jsonl").ends_with('\n'); });
+  fs::rename(folder / "scene", folder / "gone");
+  CHECK(worker.end() == 2);
+  INFO(worker.output());
+  CHECK_THAT(worker.output(), Contains("a: its data set is gone from this machine; open for others: ") &&
+                                  Contains("0 of 1 jobs done, 1 left to others"));
+  CHECK_THAT(contents(folder / "farm/jobs/a/0001/end.json"), Contains("released"));
+}
+
+TEST_CASE("what failed on a machine is left to others while they are at work", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "2", 1, "60");
+  std::ofstream(folder / "jobs.jsonl", std::ios::app)
+      << "{\"name\": \"fails\", \"dataset\": \"scene\", \"flags\": [\"--start-model\", \"absent.ply\"]}\n";
+  REQUIRE(tgtrain(folder, "farm jobs.jsonl --out farm --prepare").code == 0);
+  const fs::path other = folder / "farm/jobs/job0/0001";
+  fs::create_directories(other);
+  std::ofstream(other / "worker.json") << R"({"worker": "elsewhere:1"})";
+  const Outcome beside = tgtrain(folder, "farm jobs.jsonl --out farm --no-wait");
+  INFO(beside.output);
+  CHECK(beside.code == 0);
+  CHECK_THAT(beside.output, Contains("fails: attempt 1 failed") && Contains("0 of 2 jobs done, 1 left to others"));
+  CHECK_FALSE(fs::exists(folder / "farm/jobs/fails/0002"));
+  std::ofstream(other / "end.json") << R"({"end": "released"})";
+  const Outcome alone = tgtrain(folder, "farm jobs.jsonl --out farm --no-wait");
+  INFO(alone.output);
+  CHECK(alone.code == 2);
+  CHECK_THAT(alone.output, Contains("fails: attempt 3 failed with exit code 2; given up") &&
+                               Contains("1 of 2 jobs done, 1 given up"));
 }
 
 TEST_CASE("a job that another worker took over does not fail because its run is gone", "[farm]") {

@@ -185,6 +185,7 @@ JobView FarmFolder::look(const std::string& job) const {
     const std::optional<nlohmann::json> note = noteOf(attempt(job, number) / "end.json");
     const bool failed = note && textIn(*note, "end") == name(AttemptEnd::failed);
     view.failures += failed;
+    if (failed) view.failed_at.push_back(textIn(*note, "worker"));
     view.deaths += !note && number != attempts.back();
     ended = note.has_value();
   }

@@ -42,6 +42,7 @@ struct JobView {
   int attempts = 0;                // the number of the newest; 0: none
   int failures = 0;                // attempts that ended so
   int deaths = 0;                  // attempts that nobody ended, but for the newest
+  std::vector<std::string> failed_at;  // the workers of those
   std::string worker;              // of the newest attempt
   std::string beat;                // of the newest attempt; another text a moment later: its worker is alive
   std::optional<Failure> failure;  // of state failed

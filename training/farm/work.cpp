@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/bundle/blocks.h"
 #include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/run/live.h"
@@ -46,6 +47,8 @@ std::string workerName() {
   if (::gethostname(host, sizeof host - 1) != 0) host[0] = '\0';
   return printable(host) + ":" + std::to_string(::getpid());
 }
+
+std::string machineOf(const std::string& worker) { return worker.substr(0, worker.rfind(':')); }
 
 bool isStopCode(int code) {
   return std::ranges::any_of(kStopSignals, [&](int signal) { return code == kSignalled + signal; });
@@ -99,9 +102,26 @@ class Worker {
     JobView view;
   };
 
-  // The first of the open jobs that failed least, those of dead workers among them. Counts what is not settled.
+  // Not so where it is missing, an empty folder, as a share that is not mounted, or a block of such a one.
+  bool hasData(const FarmJob& job) const {
+    const fs::path folder = jobs_folder_ / job.dataset;
+    std::error_code error;
+    if (fs::status(folder, error).type() == fs::file_type::not_found || fs::is_empty(folder, error)) return false;
+    try {
+      const std::optional<BlockFile> block = readBlock(folder);
+      if (block) (void)wholeDataset(folder, *block);
+    } catch (const Error& why) {
+      return why.kind != ErrorKind::cannotRead;
+    }
+    return true;
+  }
+
+  // The first of the open jobs that failed least, those of dead workers among them. What failed on this machine waits
+  // for others while there are any at work: a broken one would try everything until it is given up. Counts what is not
+  // settled and has its data here.
   std::optional<Choice> choose() {
-    std::optional<Choice> best;
+    std::optional<Choice> best, again;
+    bool elsewhere = false;
     open_ = 0;
     for (const FarmJob& job : folder_.jobs()) {
       if (settled_.contains(job.name)) continue;
@@ -123,13 +143,21 @@ class Worker {
         settled_.insert(job.name);
         continue;
       }
-      ++open_;
-      if (view.state == JobState::open && (!best || view.failures < best->view.failures)) {
-        best = Choice{&job, std::move(view)};
-        if (best->view.failures == 0) break;
+      if (!hasData(job)) {
+        if (view.state == JobState::open && passed_over_.insert(job.name).second) {
+          listener_.warn(job.name + ": its data set " + job.dataset + " is not on this machine; left to others");
+        }
+        continue;
       }
+      ++open_;
+      if (view.state == JobState::taken) elsewhere = elsewhere || machineOf(view.worker) != machine_;
+      if (view.state != JobState::open) continue;
+      const bool failed_here = std::ranges::find(view.failed_at, machine_, machineOf) != view.failed_at.end();
+      std::optional<Choice>& place = failed_here ? again : best;
+      if (!place || view.failures < place->view.failures) place = Choice{&job, std::move(view)};
+      if (best && best->view.failures == 0) break;
     }
-    return best;
+    return best || elsewhere ? best : again;
   }
 
   void work(const Choice& choice) {
@@ -182,7 +210,7 @@ class Worker {
     command.line = [&](std::string_view line) {
       if (line.starts_with(ours)) error_line = line.substr(ours.size());
     };
-    command.folder = fs::absolute(options_.jobs).parent_path();
+    command.folder = jobs_folder_;
     command.patience = kPatience;
     Clock::time_point last_try = Clock::now(), last_beat = last_try;
     std::uint64_t beats = 0;
@@ -221,6 +249,10 @@ class Worker {
     }
     // All that it writes is the farm's: where this cannot write there either, not the job is wrong, but the place.
     if (failure.code == static_cast<int>(ErrorKind::cannotWrite)) requireRoom(place, failure.words);
+    if (failure.code == static_cast<int>(ErrorKind::cannotRead) && !hasData(job)) {
+      listener_.warn(job.name + ": its data set is gone from this machine; open for others: " + failure.words);
+      return folder_.end(job.name, number, AttemptEnd::released, failure);
+    }
     if (failure.code == 0 && !isFile(result / job.output)) {
       failure = {static_cast<int>(ErrorKind::usage), "ended without a model (a flag that only prints?)", worker_};
     }
@@ -240,20 +272,26 @@ class Worker {
     folder_.sweep(job.name);
   }
 
-  // Every job is settled, or others are at work on the rest.
+  // Every job is settled, or others are at work on the rest, or it is for them.
   int conclude() {
-    std::size_t done = 0, failed = 0;
+    std::size_t done = 0, failed = 0, open = 0;
     int code = 0;
+    bool without_data = false;
     for (const FarmJob& job : folder_.jobs()) {
       const JobView view = folder_.look(job.name);
       done += view.state == JobState::done;
-      if (view.state != JobState::failed) continue;
-      ++failed;
-      if (code == 0) code = view.failure->code;
+      failed += view.state == JobState::failed;
+      if (view.state == JobState::failed && code == 0) code = view.failure->code;
+      if (view.state != JobState::open) continue;
+      ++open;
+      without_data = without_data || !hasData(job);
     }
+    const std::size_t taken = jobs() - done - failed - open;
     listener_.say(std::to_string(done) + " of " + std::to_string(jobs()) + " jobs done" +
                   (failed > 0 ? ", " + std::to_string(failed) + " given up" : "") +
-                  (done + failed < jobs() ? ", others are at " + std::to_string(jobs() - done - failed) : ""));
+                  (open > 0 ? ", " + std::to_string(open) + " left to others" : "") +
+                  (taken > 0 ? ", others are at " + std::to_string(taken) : ""));
+    if (code == 0 && without_data) code = static_cast<int>(ErrorKind::cannotRead);
     const bool ours = code >= 0 && code <= static_cast<int>(ErrorKind::device);
     return ours ? code : static_cast<int>(ErrorKind::device);
   }
@@ -266,10 +304,11 @@ class Worker {
   const FarmOptions& options_;
   const FarmListener& listener_;
   const std::atomic<int>& stop_;
-  const std::string worker_ = workerName();
+  const std::string worker_ = workerName(), machine_ = machineOf(worker_);
+  const fs::path jobs_folder_ = fs::absolute(options_.jobs).parent_path();
   const FarmFolder folder_;
   BeatWatch watch_;
-  std::set<std::string> settled_;
+  std::set<std::string> settled_, passed_over_;
   std::size_t open_ = 0;
 };
 

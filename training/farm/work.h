@@ -27,7 +27,8 @@ struct FarmListener {
 };
 
 // Returns 0 when every job is done, else the exit code of the first one that nobody tries again; 128 + N after `stop`
-// was set to signal N: the training is saved first, and its job is open for others. Call it from the main thread.
+// was set to signal N: the training is saved first, and its job is open for others; 2 where all that is open has its
+// data set on other machines alone. Call it from the main thread.
 // Throws Error(usage) for options that contradict each other, what FarmFolder throws, and Error(cannotWrite) where the
 // folder is full or lost, with the job open for others if that can still be written.
 int workOnFarm(const FarmOptions& options, const FarmListener& listener, const std::atomic<int>& stop);
