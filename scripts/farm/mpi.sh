@@ -11,11 +11,13 @@ if [ $# -lt 3 ]; then
 fi
 jobs=$1 farm=$2 workers=$3
 shift 3
+trap 'exit 130' INT  # Ctrl-C is not for mpirun alone
 tgtrain farm "$jobs" --out "$farm" --prepare
 # --bind-to none: a rank bound to a core would train on that core alone.
 # A worker that ends with an error (a full disk, a job given up) must not take the others with it: mpirun would kill
-# them all, which loses nothing but time. The last command therefore says how it went.
+# them all, which loses nothing but time. A machine that is lost does that nevertheless. The last command says how it
+# went, and does what is left.
 mpirun -np "$workers" --bind-to none "$@" \
   sh -c 'tgtrain farm "$1" --out "$2" --join --threads "$3" || echo "a worker ended with exit code $?" >&2' \
-  worker "$jobs" "$farm" "${THREADS:-2}"
-exec tgtrain farm "$jobs" --out "$farm" --join --no-wait
+  worker "$jobs" "$farm" "${THREADS:-2}" || echo "mpirun ended with exit code $?" >&2
+exec tgtrain farm "$jobs" --out "$farm" --join --threads "${THREADS:-2}"

@@ -12,6 +12,7 @@ if [ $# -lt 3 ]; then
 fi
 jobs=$(realpath "$1") farm=$(realpath "$2")
 shift 2
+trap 'exit 130' INT  # Ctrl-C is not for parallel alone
 tgtrain farm "$jobs" --out "$farm" --prepare
 # --nonall: one command a machine; --quote: paths may hold spaces; --tag: lines begin with the machine. A machine that
 # is lost is no error while another one is there: the last command says how it went, and does what is left.

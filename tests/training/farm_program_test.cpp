@@ -308,6 +308,31 @@ TEST_CASE("a farm's folder that is another's, gone or full is one line and the r
   refused("farm jobs.jsonl --out farm", 1, "farm/farm.json: is of workers of another version (expected 0.0.1, found ");
 }
 
+TEST_CASE("the script for MPI does what a lost machine left", "[farm]") {
+  const tg::TemporaryFolder folder;
+  REQUIRE(tgtrain(folder, kSample).code == 0);
+  writeJobs(folder, "2", 1, "60");
+  fs::create_directory(folder / "bin");
+  const auto program = [&](const char* name, const std::string& line) {
+    std::ofstream(folder / "bin" / name) << "#!/bin/sh\n" << line << '\n';
+    fs::permissions(folder / "bin" / name, fs::perms::owner_all);
+  };
+  program("tgtrain", "echo \"$@\"; exec '" TG_TGTRAIN "' \"$@\" --heartbeat 0.05 --stale 0.4");
+  const std::string script = "PATH=\"$PWD/bin:$PATH\" bash '" + fs::absolute("scripts/farm/mpi.sh").string() +
+                             "' jobs.jsonl farm 2 --map-by node";
+  program("mpirun", "mkdir -p farm/jobs/job0/0001; exit 137");
+  const Outcome outcome = run(folder, script);
+  INFO(outcome.output);
+  CHECK(outcome.code == 0);
+  CHECK_THAT(outcome.output, Contains("mpirun ended with exit code 137") &&
+                                 Contains("farm jobs.jsonl --out farm --join --threads 2\n") &&
+                                 Contains("1 of 1 jobs done"));
+  fs::remove_all(folder / "farm");
+  program("mpirun", "kill -INT $PPID; exit 1");
+  CHECK(run(folder, script).code == 130);
+  CHECK(fs::is_empty(folder / "farm/results"));
+}
+
 TEST_CASE("a full disk ends a worker, and with room again the next goes on", "[farm]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
