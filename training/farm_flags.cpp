@@ -27,7 +27,7 @@ void stopFarm(int signal) {
 int showStatus(const FarmFlags& flags) {
   const FarmFolder farm(flags.status);
   if (!flags.html.empty()) refuseExisting(flags.html, flags.overwrite);
-  const std::vector<FarmRow> rows = rowsOf(farm);
+  const std::vector<FarmRow> rows = rowsOf(farm, flags.farm.stale);
   if (!flags.html.empty()) {
     std::error_code ignored;
     const std::filesystem::path folder = std::filesystem::weakly_canonical(flags.status, ignored);
@@ -58,7 +58,7 @@ void addFarmFlags(CLI::App& app, FarmFlags& flags) {
   app.add_option("--heartbeat", farm.heartbeat, "Time between two signs of life [s]")
       ->check(within(0.01, 3600.0))
       ->capture_default_str();
-  app.add_option("--stale", farm.stale, "A worker without one for so long is dead [s]")
+  app.add_option("--stale", farm.stale, "A worker without one for so long is dead, for --status, too [s]")
       ->check(within(0.03, 86400.0))
       ->capture_default_str();
   app.add_option("--status", flags.status, "Print how the farm in this folder stands, and end")->type_name("FOLDER");

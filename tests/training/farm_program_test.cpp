@@ -333,6 +333,22 @@ TEST_CASE("the script for MPI does what a lost machine left", "[farm]") {
   CHECK(fs::is_empty(folder / "farm/results"));
 }
 
+TEST_CASE("how a farm stands says which workers are dead", "[farm]") {
+  const tg::TemporaryFolder folder;
+  writeJobs(folder, "2", 2, "60");
+  REQUIRE(tgtrain(folder, "farm jobs.jsonl --out farm --prepare").code == 0);
+  for (const std::string job : {"job0", "job1"}) {
+    fs::create_directories(folder / "farm/jobs" / job / "0001");
+    std::ofstream(folder / "farm/jobs" / job / "0001/worker.json") << R"({"worker": "node:)" + job + R"("})";
+    std::ofstream(folder / "farm/jobs" / job / "0001/beat") << "1\n";
+  }
+  fs::last_write_time(folder / "farm/jobs/job1/0001/beat", fs::file_time_type::clock::now() - std::chrono::hours(2));
+  const std::string status = tgtrain(folder, "farm --status farm").output;
+  CHECK_THAT(status, Contains("node:job0\n") && Contains("node:job1, no sign of life for 2 h") &&
+                         Contains("0 of 2 done, 2 taken (1 by the dead)\n"));
+  CHECK_THAT(tgtrain(folder, "farm --status farm --stale 9000").output, Contains("node:job1\n"));
+}
+
 TEST_CASE("a full disk ends a worker, and with room again the next goes on", "[farm]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <filesystem>
 #include <string_view>
+#include <system_error>
 
 #include "core/run/curves.h"
 #include "core/run/live.h"
@@ -36,7 +38,8 @@ Cells cellsOf(const FarmRow& row) {
   Cells cells = {row.job, std::string(name(view.state)), attemptsOf(view), "", "", "", view.worker};
   if (row.now) {
     cells[3] = row.now->stage + " " + std::to_string(row.now->iteration) + " / " + std::to_string(row.now->iterations);
-    if (view.state == JobState::taken && row.now->seconds_left) cells[5] = formatSeconds(*row.now->seconds_left);
+    if (view.state == JobState::taken && !row.silence && row.now->seconds_left)
+      cells[5] = formatSeconds(*row.now->seconds_left);
   }
   if (row.test_psnr) cells[4] = formatted("%.2f dB", *row.test_psnr);
   if (view.failure) {
@@ -44,20 +47,32 @@ Cells cellsOf(const FarmRow& row) {
     cells[6] = (failure.worker.empty() ? "" : failure.worker + ", ") + "exit code " + std::to_string(failure.code) +
                ": " + failure.words;
   }
+  if (row.silence) cells[6] += (cells[6].empty() ? "" : ", ") + ("no sign of life for " + formatSeconds(*row.silence));
   for (std::string& cell : cells) cell = printable(cell);
   return cells;
 }
 
+// [s] None where it is being removed.
+std::optional<double> silenceOf(const fs::path& attempt) {
+  std::error_code error;
+  fs::file_time_type last = fs::last_write_time(attempt / "beat", error);
+  if (error) last = fs::last_write_time(attempt, error);  // died before the first
+  if (error) return std::nullopt;
+  return std::chrono::duration<double>(fs::file_time_type::clock::now() - last).count();
+}
+
 }  // namespace
 
-std::vector<FarmRow> rowsOf(const FarmFolder& farm) {
+std::vector<FarmRow> rowsOf(const FarmFolder& farm, double stale) {
   std::vector<FarmRow> rows;
   for (const FarmJob& job : farm.jobs()) {
     FarmRow& row = rows.emplace_back();
     row.job = job.name;
     row.view = farm.look(job.name);
-    const fs::path run =
-        row.view.state == JobState::done ? farm.result(job.name) : farm.attempt(job.name, row.view.attempts) / "run";
+    const fs::path attempt = farm.attempt(job.name, row.view.attempts);
+    if (row.view.state == JobState::taken) row.silence = silenceOf(attempt);
+    if (row.silence && *row.silence < stale) row.silence.reset();
+    const fs::path run = row.view.state == JobState::done ? farm.result(job.name) : attempt / "run";
     MetricsFile metrics(run / kMetricsName);
     metrics.update();
     for (const RunMetrics& line : metrics.lines()) {
@@ -75,6 +90,8 @@ std::string summaryOf(const std::vector<FarmRow>& rows) {
   std::string text = std::to_string(count(JobState::done)) + " of " + std::to_string(rows.size()) + " done";
   for (const JobState state : {JobState::taken, JobState::open, JobState::failed}) {
     if (count(state) > 0) text += ", " + std::to_string(count(state)) + " " + std::string(name(state));
+    const auto dead = std::ranges::count_if(rows, [](const FarmRow& row) { return row.silence.has_value(); });
+    if (state == JobState::taken && dead > 0) text += " (" + std::to_string(dead) + " by the dead)";
   }
   return text;
 }
