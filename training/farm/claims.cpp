@@ -135,7 +135,9 @@ Farm readFarm(const fs::path& file) {
 
 }  // namespace
 
-FarmFolder::FarmFolder(fs::path folder) : folder_(std::move(folder)), jobs_(readFarm(folder_ / "farm.json").jobs) {}
+FarmFolder::FarmFolder(fs::path folder) : folder_(std::move(folder)), jobs_(readFarm(folder_ / "farm.json").jobs) {
+  requireResults(ErrorKind::cannotRead);
+}
 
 FarmFolder::FarmFolder(fs::path folder, const std::vector<FarmJob>& jobs, const std::string& version, bool join)
     : folder_(std::move(folder)), jobs_(jobs) {
@@ -176,6 +178,14 @@ fs::path FarmFolder::attempt(const std::string& job, int number) const {
   return folder_ / "jobs" / job / attemptName(number);
 }
 
+void FarmFolder::requireResults(ErrorKind kind) const {
+  const fs::path results = folder_ / "results";
+  std::error_code error;
+  if (fs::status(results, error).type() != fs::file_type::not_found || !isFile(folder_ / "farm.json")) return;
+  throw Error(kind, results.string(),
+              "is gone, and with it what is done (expected it back, or an empty folder to do all again)");
+}
+
 JobView FarmFolder::look(const std::string& job) const {
   JobView view;
   std::error_code error;
@@ -206,6 +216,7 @@ JobView FarmFolder::look(const std::string& job) const {
 }
 
 bool FarmFolder::claim(const std::string& job, int number, const std::string& worker) const {
+  requireResults(ErrorKind::cannotWrite);
   makeFolder(folder_ / "jobs" / job);
   const fs::path taken = attempt(job, number);
   if (::mkdir(taken.c_str(), 0777) != 0) {
@@ -278,6 +289,7 @@ bool FarmFolder::publish(const std::string& job, int number) const {
   if (results.get() >= 0) (void)::fsync(results.get());  // some file systems cannot
   if (renamed == 0) return true;
   if (fs::is_directory(to, ignored)) return !fs::exists(from, ignored);  // gone: only the server's answer was lost
+  requireResults(ErrorKind::cannotWrite);
   errno = reason;
   throw Error(ErrorKind::cannotWrite, to.string(), "cannot rename the finished result: " + systemReason());
 }

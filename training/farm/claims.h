@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "core/system/error.h"
 #include "core/system/names.h"
 #include "training/farm/jobs.h"
 
@@ -50,7 +51,7 @@ struct JobView {
 
 class FarmFolder {
  public:
-  // Of a farm that is there, for --status. Throws Error(cannotRead / badData).
+  // Of a farm that is there, for --status. Throws Error(cannotRead / badData), also where its results are gone.
   explicit FarmFolder(std::filesystem::path folder);
   // Joins the farm in `folder`, or begins it there unless `join` says that it must be one. Throws Error(usage) for the
   // folder of other jobs or of another version, Error(cannotRead / badData / cannotWrite).
@@ -63,7 +64,7 @@ class FarmFolder {
 
   JobView look(const std::string& job) const;
   // Takes a job for attempt `number`, the one after the newest. False: another worker was faster, or it is done.
-  // Throws Error(cannotWrite).
+  // Throws Error(cannotWrite), also where the results are gone: all that is done would be done again.
   bool claim(const std::string& job, int number, const std::string& worker) const;
   // Says that the worker of an attempt lives. Throws Error(cannotWrite), also where the attempt's folder is gone.
   void beat(const std::string& job, int number, std::uint64_t count) const;
@@ -80,6 +81,8 @@ class FarmFolder {
   void sweep(const std::string& job) const;
 
  private:
+  void requireResults(ErrorKind kind) const;
+
   const std::filesystem::path folder_;
   std::vector<FarmJob> jobs_;
 };

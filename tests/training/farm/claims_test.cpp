@@ -120,6 +120,22 @@ TEST_CASE("the first result stays", "[farm]") {
   CHECK_FALSE(fs::exists(farm.attempt("a", 1) / "result"));
 }
 
+TEST_CASE("results that are gone stop a farm before it does all again", "[farm]") {
+  const tg::TemporaryFolder folder;
+  const FarmFolder farm(folder / "farm", kJobs, "1", false);
+  REQUIRE(farm.claim("a", 1, "w"));
+  fs::create_directory(farm.attempt("a", 1) / "result");
+  fs::rename(folder / "farm/results", folder / "kept");
+  const std::string gone = (folder / "farm/results").string() + ": is gone, and with it what is done";
+  CHECK_THAT(tg::test::messageOf([&] { farm.publish("a", 1); }, tg::ErrorKind::cannotWrite), Contains(gone));
+  CHECK_THAT(tg::test::messageOf([&] { farm.claim("b", 1, "w"); }, tg::ErrorKind::cannotWrite), Contains(gone));
+  CHECK_FALSE(fs::exists(farm.attempt("b", 1)));
+  CHECK_THAT(tg::test::messageOf([&] { const FarmFolder status(folder / "farm"); }, tg::ErrorKind::cannotRead),
+             Contains(gone));
+  fs::rename(folder / "kept", folder / "farm/results");
+  CHECK(farm.publish("a", 1));
+}
+
 TEST_CASE("a worker is dead when nothing changes for whoever looks, however long that one slept", "[farm]") {
   tg::BeatWatch watch(10s, 2s);
   const tg::BeatWatch::Clock::time_point start{};
