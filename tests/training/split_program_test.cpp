@@ -156,10 +156,10 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   refused(TG_TGTRAIN, "split blocks/block_0_0 new --blocks 2x2", 3, "is a block already");
   refused(TG_TGTRAIN, "split absent new --blocks 2x2", 2, "absent: no such folder");
   refused(TG_TGEVAL, "city.tgz city --whole coarse.tgz", 1, "--whole: is compared at seams");
-  fs::create_directory(folder / "deep");
-  fs::copy(folder / "blocks/block_0_0", folder / "deep/block_0_0");
-  refused(TG_TGTRAIN, "deep/block_0_0 -o new.tgz", 2,
-          "deep/block_0_0/block.json: its data set ../../city is not there");
+  fs::create_directories(folder / "elsewhere/blocks");
+  fs::copy(folder / "blocks/block_0_0", folder / "elsewhere/blocks/block_0_0");
+  refused(TG_TGTRAIN, "elsewhere/blocks/block_0_0 -o new.tgz", 2,
+          "block_0_0/block.json: its data set ../../city is not there");
   fs::resize_file(folder / "blocks/block_0_0/block.json", 300);
   refused(TG_TGTRAIN, "blocks/block_0_0 -o new.tgz", 3, "block.json: not valid JSON");
 }
