@@ -58,7 +58,7 @@ TrainSettings trainedWith(const std::vector<std::string>& flags) {
     }
     return settingsOf(options);
   } catch (const CLI::Error& error) {
-    throw Error(ErrorKind::usage, std::string("--train: ") + error.what());
+    throw Error(ErrorKind::usage, "--train: " + wrongFlags(app, error));
   } catch (const Error& error) {
     throw Error(error.kind, std::string("--train: ") + error.what());
   }

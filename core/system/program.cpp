@@ -91,18 +91,18 @@ std::string ofSettingsFile(const CLI::App& app, std::span<char*> arguments, cons
   return is_given ? message : config->as<std::string>() + ": " + message.substr(2);
 }
 
-std::string usageMessage(const CLI::App* app, const CLI::Error& error, std::span<char*> arguments) {
-  std::string message = ofSettingsFile(*app, arguments, likeOurs(error.what()));
+std::string usageMessage(const CLI::App& app, const CLI::Error& error, std::span<char*> arguments) {
+  std::string message = ofSettingsFile(app, arguments, likeOurs(error.what()));
   const std::string unknown = "INI was not able to parse ";
   if (message.starts_with(unknown)) {
     const std::string setting = message.substr(unknown.size());
-    message = "--config: no such setting: " + shortened(setting) + meant(setting, longNames(*app, false));
+    message = "--config: no such setting: " + shortened(setting) + meant(setting, longNames(app, false));
   }
-  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) message = unexpected(*app);
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError)) message = unexpected(app);
   if (const std::size_t at = message.find(": At Most 1 required"); at != message.npos) {
     message = message.substr(0, at) + " is given more than once";
   }
-  return app->get_name() + ": " + message + " (see --help)\n";
+  return message;
 }
 
 // Of both libraries' buffers, which a program may have filled in turns. What was lost before has no reason any more.
@@ -225,7 +225,8 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
   std::string shell;
   bool manual = false;
   app.failure_message([argc, argv](const CLI::App* failed, const CLI::Error& error) {
-    return usageMessage(failed, error, {argv, static_cast<std::size_t>(argc)});
+    const std::string message = usageMessage(*failed, error, {argv, static_cast<std::size_t>(argc)});
+    return failed->get_name() + ": " + message + " (see --help)\n";
   });
   if (name == program) {
     app.add_option("--completion", shell,
@@ -267,6 +268,8 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
     return help ? 0 : static_cast<int>(ErrorKind::usage);
   }
 }
+
+std::string wrongFlags(const CLI::App& app, const CLI::Error& error) { return usageMessage(app, error, {}); }
 
 void addExamples(CLI::App& app, std::initializer_list<Example> examples, const std::string& more) {
   std::string text = "Examples:";

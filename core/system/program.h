@@ -21,6 +21,9 @@ namespace tg {
 // what else is wrong, with the name that was meant where one is near.
 std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv);
 
+// What CLI11 found wrong with flags that are no program's command line, in the words of one: of the App that threw it.
+std::string wrongFlags(const CLI::App& app, const CLI::Error& error);
+
 struct Example {
   const char* command;
   const char* meaning;

@@ -146,19 +146,22 @@ TEST_CASE("jobs that cannot be trained are tried as often as asked, and named at
       << "{\"name\": \"wrong\", \"dataset\": \"scene\", \"flags\": [\"--gausians\", \"3\"]}\n"
       << "{\"name\": \"command\", \"dataset\": \"photos\", \"flags\": [\"--iterations\", \"2\", "
          "\"--texture-iterations\", \"0\"]}\n"
+      << "{\"name\": \"lacks\", \"dataset\": \"scene\", \"flags\": [\"--context\"]}\n"
       << "{\"name\": \"prints\", \"dataset\": \"scene\", \"flags\": [\"--print-config\"]}\n";
   const Outcome worker = tgtrain(folder, "farm jobs.jsonl --out farm --retries 1");
   INFO(worker.output);
   CHECK(worker.code == 2);
-  CHECK_THAT(worker.output,
-             Contains("fails: attempt 1 failed with exit code 2, tried again: absent.ply: ") &&
-                 Contains("fails: attempt 2 failed with exit code 2; given up: absent.ply: ") &&
-                 Contains("wrong: attempt 1 failed with exit code 1; given up: no such option") &&
-                 Contains("prints: attempt 1 failed with exit code 1; given up: ended without a model") &&
-                 Contains("2 of 5 jobs done, 3 given up"));
+  CHECK_THAT(
+      worker.output,
+      Contains("fails: attempt 1 failed with exit code 2, tried again: absent.ply: ") &&
+          Contains("fails: attempt 2 failed with exit code 2; given up: absent.ply: ") &&
+          Contains("wrong: attempt 1 failed with exit code 1; given up: no such option") &&
+          Contains("lacks: attempt 1 failed with exit code 1; given up: --context: expected a value, found none") &&
+          Contains("prints: attempt 1 failed with exit code 1; given up: ended without a model") &&
+          Contains("2 of 6 jobs done, 4 given up"));
   const Outcome status = tgtrain(folder, "farm --status farm --html farm.html");
   CHECK(status.code == 0);
-  CHECK_THAT(status.output, Contains("2 of 5 done, 3 failed") && Contains("2, 2 failed"));
+  CHECK_THAT(status.output, Contains("2 of 6 done, 4 failed") && Contains("2, 2 failed"));
   CHECK_THAT(contents(folder / "farm.html"), Contains("<td>wrong</td><td>failed</td>"));
   const std::string at = nlohmann::json::parse(contents(folder / "farm/jobs/wrong/0001/end.json"))["worker"];
   CHECK(at.find(':') < at.size() - 1);  // HOST:PROCESS

@@ -60,7 +60,8 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   CHECK_THAT(split.output, Contains("block_0_0: ") && Contains(" MB\n") && Contains("wrote 2 blocks to blocks"));
   CHECK_THAT(contents(folder / "blocks/jobs.jsonl"), Contains("\"--context\",\"../coarse.tgz\""));
   for (const auto& [train, why] : std::initializer_list<std::pair<std::string, std::string>>{
-           {"--no-such 3", "--no-such"},
+           {"--gausians 3", "no such option: --gausians (did you mean --gaussians?)"},
+           {"--iterations 3 --seed", "--seed: expected a value, found none"},
            {"--layout colmap", "--layout is split's own to choose"},
            {"--points p.ply", "--points is split's own to choose"},
            {"--start-model m.tgz", "--start-model is split's own to choose"},

@@ -195,15 +195,17 @@ class Worker {
     fs::create_directory(result, error);
     if (error) throw Error(ErrorKind::cannotWrite, result.string(), "cannot make this folder: " + error.message());
     ChildCommand command;
-    // A name alone may be that of a command.
-    command.words = {kThisProgram, fs::path(job.dataset).is_absolute() ? job.dataset : "./" + job.dataset};
-    command.words.insert(command.words.end(), job.flags.begin(), job.flags.end());
+    // A name alone may be that of a command. The job's flags come last: one without its value would take ours for it.
+    command.words = {kThisProgram,
+                     fs::path(job.dataset).is_absolute() ? job.dataset : "./" + job.dataset,
+                     "--run",
+                     (place / "run").string(),
+                     "--resume",
+                     "-o",
+                     (result / job.output).string()};
     if (std::ranges::find(job.flags, "--reproducible") == job.flags.end()) command.words.push_back("--reproducible");
     if (options_.threads > 0) command.words.push_back("--threads=" + std::to_string(options_.threads));
-    for (const std::string& word : {std::string("--run"), (place / "run").string(), std::string("--resume"),
-                                    std::string("-o"), (result / job.output).string()}) {
-      command.words.push_back(word);
-    }
+    command.words.insert(command.words.end(), job.flags.begin(), job.flags.end());
     command.log = place / "log.txt";
     const std::string_view ours = "tgtrain: ";
     std::string error_line;
