@@ -144,7 +144,7 @@ std::string TrainingOutputs::finishRun(const Trainer& trainer) {
 
 // By which the run goes on.
 std::string TrainingOutputs::sameCommand() const {
-  std::string flags = options_.goes_on ? "" : " --resume";
+  std::string flags = options_.goes_on || options_.run.resume ? "" : " --resume";
   if (!owned_) flags += " --overwrite";
   return "the same command" + (flags.empty() ? flags : " with" + flags);
 }

@@ -366,11 +366,11 @@ TEST_CASE("a run whose last checkpoint finds no room leaves its model and says h
       "; the last checkpoint is of plain 6/6, from which the same command with --resume goes on "
       "(the model is kept as ";
 
-  const Outcome named = inRoom(train + " -o model.tgz --json run.json");
+  const Outcome named = inRoom(train + " --resume -o model.tgz --json run.json");
   INFO(named.output);
   CHECK(named.code == 4);
   CHECK_THAT(named.output, Contains(why + " (training goes on; the last checkpoint is of plain 6/6)\n") &&
-                               Contains(why + last + "model.tgz)\n"));
+                               Contains(", from which the same command goes on (the model is kept as model.tgz)\n"));
   CHECK(tg::readBundle(folder / "model.tgz").model.texture_mode == tg::TextureMode::rgba);
   CHECK(fs::exists(folder / "run.json"));
 
