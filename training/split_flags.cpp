@@ -123,6 +123,10 @@ void splitScene(const SplitFlags& flags) {
   if (flags.grid.empty() == (flags.memory == 0)) {
     throw Error(ErrorKind::usage, "split: expected --blocks NxM or --memory SIZE");
   }
+  if (flags.least > flags.most && flags.least != SplitFlags().least) {
+    throw Error(ErrorKind::usage,
+                "split: --least-cameras is more than --most-cameras" + atMost(flags.most, flags.least));
+  }
   BlockOptions options;
   if (!flags.grid.empty()) options.grid = gridOf(flags.grid);
   options.memory = flags.memory;

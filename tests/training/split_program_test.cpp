@@ -149,6 +149,9 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   refused(TG_TGTRAIN, "split city blocks --blocks 2x2", 4, "blocks: exists already, and is not empty");
   refused(TG_TGTRAIN, "split city new", 1, "expected --blocks NxM or --memory SIZE");
   refused(TG_TGTRAIN, "split city new --blocks 1x1 --gaussians 65000000", 1, "too many Gaussians for one training");
+  refused(TG_TGTRAIN, "split city new --blocks 2x2 --least-cameras 9 --most-cameras 8", 1,
+          "--least-cameras is more than --most-cameras (expected at most 8, found 9)");
+  refused(TG_TGTRAIN, "split city new --memory 1KB", 1, " MB, found 1.0 KB)");
   refused(TG_TGTRAIN, "split city new --blocks 2y2", 1, "--blocks: expected columns x rows");
   refused(TG_TGTRAIN, "split city new --blocks 2x2 --train '-o x'", 1, "is the farm's own");
   refused(TG_TGTRAIN, "split city new --blocks 2x2 --train '--target-size=25KB'", 1, "--target-size is for one file");

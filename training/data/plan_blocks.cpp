@@ -230,11 +230,13 @@ std::vector<PlannedBlock> blocksOf(const std::vector<GridCell>& cells, const std
 }  // namespace
 
 std::string memoryText(std::uint64_t bytes, bool up) {
-  const bool small = bytes < 100'000'000;
-  const double digits = static_cast<double>(bytes) / (small ? 1e5 : 1e7),
+  const bool tiny = bytes < 100'000, small = bytes < 100'000'000;
+  const double digits = static_cast<double>(bytes) / (tiny    ? 1e2
+                                                      : small ? 1e5
+                                                              : 1e7),
                whole = up ? std::ceil(digits) : std::floor(digits);
   char text[32];
-  std::snprintf(text, sizeof text, small ? "%.1f MB" : "%.2f GB", whole / (small ? 10 : 100));
+  std::snprintf(text, sizeof text, tiny ? "%.1f KB" : small ? "%.1f MB" : "%.2f GB", whole / (small ? 10 : 100));
   return text;
 }
 

@@ -40,7 +40,7 @@ struct PlannedBlock {
 // The share of `memory` that photographs may take; what is beyond is read when it is needed.
 constexpr std::uint64_t imageMemoryOf(std::uint64_t memory) { return memory / 4; }
 
-// Rounded up or down: "12.3 MB", from 0.1 GB on "7.11 GB".
+// Rounded up or down: "12.3 KB", from 0.1 MB on "12.3 MB", from 0.1 GB on "7.11 GB".
 std::string memoryText(std::uint64_t bytes, bool up = true);
 
 // Columns have equally many points, and so have the cells of each. Cameras as in Hierarchical 3DGS (Kerbl et al. 2024):

@@ -165,6 +165,8 @@ TEST_CASE("as few blocks as the memory allows", "[blocks]") {
   CHECK_NOTHROW(tg::planBlocks(dataset, kUp, wanted));
   wanted.memory -= 20'000'000;
   CHECK_THROWS(tg::planBlocks(dataset, kUp, wanted));
+  CHECK(tg::memoryText(1000, false) == "1.0 KB");
+  CHECK(tg::memoryText(100'001) == "0.2 MB");
   CHECK(tg::memoryText(99'900'001) == "100.0 MB");
   CHECK(tg::memoryText(100'000'001) == "0.11 GB");
   CHECK(tg::memoryText(7'100'000'000) == "7.10 GB");
