@@ -112,6 +112,15 @@ TEST_CASE("a scene is split, trained by a farm around a context, and merged, and
   CHECK(whole.model.size() == expected);
   CHECK(whole.model.atlas.rects.size() == expected);
   CHECK(whole.cameras.size() == 32);
+  CHECK_THAT(merged.output, !Contains("lies in the cell of"));
+  fs::create_directory(folder / "mixed");
+  for (const char* name : {"mixed/block_0_0.tgz", "mixed/block_1_0.tgz"}) {
+    fs::copy(folder / "farm/results/block_1_0/model.tgz", folder / name);
+  }
+  const Outcome mixed = program(folder, TG_TGCONVERT, "merge-blocks blocks mixed mixed.tgz");
+  CHECK(mixed.code == 0);
+  CHECK_THAT(mixed.output, Contains("warning: mixed/block_0_0.tgz: more of it lies in the cell of block_1_0 than in "
+                                    "that of block_0_0 (is it the model of another block or scene?)"));
   CHECK_THAT(merged.output, Contains("wrote city.tgz: " + std::to_string(expected) + " Gaussians"));
 
   const Outcome seams =
