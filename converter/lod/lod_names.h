@@ -2,6 +2,7 @@
 // What the reader and the writer of lod-meta.json agree on. Private to converter/lod.
 #pragma once
 #include <filesystem>
+#include <glm/glm.hpp>
 #include <string>
 
 namespace tg::lod {
@@ -10,6 +11,12 @@ constexpr const char* kOwn = "TG_levels_of_detail";  // key of what only our fil
 constexpr const char* kMeans = "TG_means";           // of a leaf
 constexpr int kVersion = 1;                          // of these
 constexpr int kFormatVersion = 1;                    // of lod-meta.json
+constexpr double kFarthest = 1e30;                   // [world units] that a box reaches, where Gaussians have no end
+
+inline glm::vec3 reached(const glm::vec3& place) {
+  const glm::vec3 most(static_cast<float>(kFarthest));
+  return glm::clamp(place, -most, most);
+}
 
 // `relative` beside lod-meta.json, as messages name it.
 inline std::string besideMeta(const std::string& meta, const std::string& relative) {

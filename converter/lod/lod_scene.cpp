@@ -34,7 +34,8 @@ std::string insideName(const JsonNode& node, const std::string& name) {
 }
 
 Box readBox(const JsonNode& node) {
-  const auto low = node.numbers<3>("min", -1e30, 1e30), high = node.numbers<3>("max", -1e30, 1e30);
+  const auto low = node.numbers<3>("min", -lod::kFarthest, lod::kFarthest),
+             high = node.numbers<3>("max", -lod::kFarthest, lod::kFarthest);
   Box box;
   for (int k = 0; k < 3; ++k) {
     if (low[k] > high[k]) node.fail("min is beyond max");

@@ -43,7 +43,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-constexpr float kFarthest = 1e30f;  // [world units] that a box reaches, where Gaussians have no end
 
 struct Leaf {
   std::span<std::uint32_t> gaussians;  // of the model, along a Hilbert curve
@@ -87,10 +86,7 @@ void orderAlongCurve(std::span<const glm::vec3> places, std::span<std::uint32_t>
   std::ranges::copy(ordered, part.begin());
 }
 
-Box reached(const Box& box) {
-  const glm::vec3 most(kFarthest);
-  return {glm::clamp(box.low, -most, most), glm::clamp(box.high, -most, most)};
-}
+Box reached(const Box& box) { return {lod::reached(box.low), lod::reached(box.high)}; }
 
 // To 3 sigma along the world's axes.
 Box boundOf(const GaussianModel& model) {

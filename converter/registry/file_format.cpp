@@ -20,6 +20,7 @@
 #include "converter/gltf/write_tiles.h"
 #include "converter/html/html.h"
 #include "converter/lod/lod_scene.h"
+#include "converter/lod/places.h"
 #include "converter/lod/write_lod.h"
 #include "converter/sog/folder.h"
 #include "converter/sog/sog.h"
@@ -212,8 +213,13 @@ Overlooked findBrokenLevels(const Path& path) {
       found.broken.emplace_back(error.what());
     }
   };
+  const LodPlaces places(scene);
   for (std::uint32_t file = 0; file < scene.files.size(); ++file) {
-    attempt([&] { addEachOnce(readLodFile(scene, file, reader), found.repairs, found.warnings); });
+    attempt([&] {
+      const Bundle read = readLodFile(scene, file, reader);
+      addEachOnce(read, found.repairs, found.warnings);
+      places.require(file, read.model);
+    });
   }
   attempt([&] { readLodCameras(scene, reader); });
   return found;

@@ -50,5 +50,8 @@ std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const Gau
 // Throws as writeSog.
 std::vector<ZipEntry> sogFiles(GaussianModel model, const std::string& path, const SogOptions& options = {},
                                SogReport* report = nullptr);
+// How far apart coordinates near x are in such a file, if those of all its Gaussians reach from low to high [world
+// units].
+double sogStep(double low, double high, double x);
 
 }  // namespace tg

@@ -525,4 +525,9 @@ std::vector<std::uint32_t> writeSog(const std::filesystem::path& path, const Gau
   return order;
 }
 
+double sogStep(double low, double high, double x) {
+  const double code = (sog::toLogarithm(high) - sog::toLogarithm(low)) / kLastCode;
+  return code * positionStep(SogOptions().steps, 2) * (1 + std::abs(x));
+}
+
 }  // namespace tg

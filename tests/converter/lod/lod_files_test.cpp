@@ -14,6 +14,7 @@
 #include "converter/lod/coarser.h"
 #include "converter/lod/lod_names.h"
 #include "converter/lod/lod_scenes.h"
+#include "converter/lod/places.h"
 #include "converter/lod/write_lod.h"
 #include "converter/registry/file_format.h"
 #include "converter/scenes.h"
@@ -386,6 +387,51 @@ TEST_CASE("levels of detail: check finds what readers put right behind any numbe
   REQUIRE(report.warnings.size() == 6);
   CHECK(report.warnings[5].message == "further warnings of its files are left out");
   CHECK(report.gaussians > 0);
+}
+
+TEST_CASE("levels of detail: check finds files that are in one another's place") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  Bundle in = trained(1400, false);
+  in.model.mean[7] = glm::vec3(0.0f, 2e30f, 0.0f);  // beyond what bounds say
+  writeLod(path, in, kSmall);
+  CHECK(checkFile(path).errors.empty());
+  in.model.mean[7] = in.model.mean[8];
+  writeLod(path, in, kSmall);
+  CHECK(checkFile(path).errors.empty());
+  const LodScene scene = readLodScene(path);
+  const auto folder = [&](std::size_t file) { return (scratch.folder() / scene.files[file]).parent_path(); };
+  REQUIRE(scene.file_counts[0] == scene.file_counts[1]);
+  fs::rename(folder(0), scratch.folder() / "first");
+  fs::rename(folder(1), folder(0));
+  fs::rename(scratch.folder() / "first", folder(1));
+  const CheckReport report = checkFile(path);
+  REQUIRE(report.errors.size() == 2);
+  for (std::size_t file = 0; file < 2; ++file) {
+    CHECK_THAT(report.errors[file].pointer, Contains(scene.files[file]));
+    CHECK_THAT(report.errors[file].message,
+               Contains("Gaussians outside the bounds that lod-meta.json has for them (expected none of " +
+                        std::to_string(scene.file_counts[file]) + ", found "));
+  }
+}
+
+TEST_CASE("levels of detail: means are in the bounds of their leaves as far as a SOG keeps them") {
+  const Scratch scratch;
+  const fs::path path = scratch.folder() / "lod-meta.json";
+  Bundle in = trained(300, false);
+  in.model.log_scale.assign(in.model.size(), glm::vec3(-30.0f));  // bounds end at means
+  in.model.mean[0] = glm::vec3(3000.0f, -2000.0f, 1000.0f);
+  writeLod(path, in, kSmall);
+  const LodScene scene = readLodScene(path);
+  const LodReader reader = lodFolderReader(path);
+  const LodPlaces places(scene);
+  for (std::uint32_t file = 0; file < scene.files.size(); ++file) {
+    CHECK_NOTHROW(places.require(file, readLodFile(scene, file, reader).model));
+  }
+  GaussianModel moved = readLodFile(scene, 0, reader).model;
+  moved.mean[5].x -= 10.0f;
+  CHECK(test::messageOf([&] { places.require(0, moved); }, ErrorKind::badData)
+            .ends_with("(expected none of " + std::to_string(moved.size()) + ", found 1)"));
 }
 
 TEST_CASE("levels of detail: a file that holds more or less than lod-meta.json says is refused") {
