@@ -6,6 +6,7 @@
 #include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <optional>
 #include <queue>
 #include <utility>
@@ -20,6 +21,7 @@
 #include "core/system/assert.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
+#include "core/system/numbers.h"
 
 namespace tg {
 namespace {
@@ -78,15 +80,37 @@ class Parser {
     addNode(root.at("tree").object());
     if (scene_.leaves.empty()) root.fail("the tree has no leaves");
     requireApart(root);
-    if (root.has("counts") && root.member("counts") != nlohmann::json(stored_)) {
-      scene_.warnings.push_back("\"counts\" is not what the tree holds" +
-                                expectedFound(nlohmann::json(stored_).dump(), root.at("counts").shown()));
-    }
+    warnOf(root, "count", std::accumulate(stored_.begin(), stored_.end(), std::uint64_t{0}));
+    warnOf(root, "counts", stored_);
+    warnOfSpareLevels();
+    warnOfRepeatedFiles();
     scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
     if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
   }
 
  private:
+  void warnOf(const JsonNode& root, const char* key, const nlohmann::json& held) {
+    if (!root.has(key) || root.member(key) == held) return;
+    scene_.warnings.push_back(lod::quoted(key) + " is not what the tree holds" +
+                              expectedFound(held.dump(), root.at(key).shown()));
+  }
+
+  void warnOfSpareLevels() {
+    if (spare_.empty()) return;
+    scene_.warnings.push_back(
+        "levels that \"lodLevels\" does not count are left out" +
+        expectedFound("0 to " + std::to_string(scene_.levels - 1), lod::quoted(printable(spare_))));
+  }
+
+  void warnOfRepeatedFiles() {
+    std::vector<std::string> names = scene_.files;
+    std::ranges::sort(names);
+    const auto repeated = std::ranges::adjacent_find(names);
+    if (repeated == names.end()) return;
+    scene_.warnings.push_back("\"filenames\" has a file more than once" +
+                              expectedFound("each once", lod::quoted(printable(*repeated))));
+  }
+
   void addNode(const JsonNode& node) {
     if (node.has("lods")) addLeaf(node, node.at("lods").object());
     if (!node.has("children")) return;
@@ -100,6 +124,7 @@ class Parser {
     LodLeaf leaf{readBox(bound), {}, {}};
     leaf.means = node.has(lod::kMeans) ? readBox(node.at(lod::kMeans).object()) : leaf.bound;
     std::vector<std::optional<LodRange>> given(static_cast<std::size_t>(scene_.levels));
+    if (spare_.empty()) spare_ = spareLevel(lods);
     for (int level = 0; level < scene_.levels; ++level) {
       const std::string key = std::to_string(level);
       if (!lods.has(key.c_str())) continue;
@@ -127,6 +152,15 @@ class Parser {
       scene_.counts[level] += last.count;
     }
     scene_.leaves.push_back(std::move(leaf));
+  }
+
+  // A number that is none of the scene's levels; "": there is none.
+  std::string spareLevel(const JsonNode& lods) const {
+    for (const auto& [key, entry] : lods.value.items()) {
+      const std::optional<std::uint64_t> level = parseWhole<std::uint64_t>(key);
+      if (level && *level >= static_cast<std::uint64_t>(scene_.levels)) return key;
+    }
+    return "";
   }
 
   // Ranges of a file lie one behind the other: else a small file is a large model.
@@ -160,6 +194,7 @@ class Parser {
 
   LodScene& scene_;
   std::vector<std::uint64_t> stored_;  // [levels] Gaussians that leaves name
+  std::string spare_;                  // a level beyond the scene's
   std::vector<LodRange> ranges_;  // of all leaves, without those that a leaf repeats
 };
 

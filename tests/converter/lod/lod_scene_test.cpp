@@ -69,6 +69,32 @@ TEST_CASE("levels of detail: counts that are not the tree's are a warning") {
   CHECK(warnings().empty());
 }
 
+TEST_CASE("levels of detail: a count that is not the tree's is a warning") {
+  Json meta = Json::parse(kForeign);
+  const auto warnings = [&] { return sceneOf(meta).warnings; };
+  meta["count"] = 1501;
+  CHECK(warnings() == std::vector<std::string>{"\"count\" is not what the tree holds (expected 1500, found 1501)"});
+  meta["count"] = "1500";
+  CHECK(warnings().size() == 1);
+  meta["count"] = 1500.0;
+  CHECK(warnings().empty());
+  meta.erase("count");
+  CHECK(warnings().empty());
+}
+
+TEST_CASE("levels of detail: levels beyond those of the scene and files that are named twice are a warning each") {
+  Json meta = gridOfLeaves(2, 3, 64);
+  for (Json& leaf : meta["tree"]["children"]) leaf["lods"]["3"] = leaf["lods"]["2"];
+  firstLeaf(meta)["lods"]["extras"] = Json::object();  // no level at all
+  meta["filenames"].push_back("./1_0/meta.json");
+  meta["filenames"].push_back("1_0/meta.json");
+  const LodScene scene = sceneOf(meta);
+  CHECK(scene.levels == 3);
+  CHECK(scene.warnings == std::vector<std::string>{
+                              "levels that \"lodLevels\" does not count are left out (expected 0 to 2, found \"3\")",
+                              "\"filenames\" has a file more than once (expected each once, found \"1_0/meta.json\")"});
+}
+
 TEST_CASE("levels of detail: a leaf without the finer levels has its finest one there") {
   Json meta = gridOfLeaves(1, 3, 64);
   firstLeaf(meta)["lods"].erase("0");
