@@ -21,6 +21,9 @@ struct StreamLimits {
   std::uint64_t most_line = std::numeric_limits<std::uint64_t>::max();  // [bytes] of a head
 };
 
+// Why nothing more was read: the other side closed it, `read_stall_seconds` or `read_seconds` were over, or its bytes.
+enum class StreamEnd { none, closed, stalled, late, spent };
+
 // Whether poll() has one of `events` to tell of that socket before then. `stopped`, asked ten times a second, ends the
 // wait, too.
 inline bool waitFor(int socket, short events, std::chrono::steady_clock::time_point until,
@@ -45,15 +48,19 @@ class BoundedStream : public httplib::Stream {
   socket_t socket() const override { return socket_; }
   void get_remote_ip_and_port(std::string&, int&) const override {}
   void get_local_ip_and_port(std::string&, int&) const override {}
+  StreamEnd ended() const { return ended_; }
 
   // The library asks for single bytes.
   ssize_t read(char* out, std::size_t size) override {
     if (at_ == filled_) {
-      if (read_ >= limits_.most_read) return -1;
-      if (!ready(POLLIN, limits_.read_seconds, limits_.read_stall_seconds)) return -1;
+      if (read_ >= limits_.most_read) return end(StreamEnd::spent, -1);
+      if (!ready(POLLIN, limits_.read_seconds, limits_.read_stall_seconds)) {
+        const bool late = Clock::now() >= start_ + std::chrono::seconds(limits_.read_seconds);
+        return end(late ? StreamEnd::late : StreamEnd::stalled, -1);
+      }
       const auto most = std::min<std::uint64_t>(sizeof buffer_, limits_.most_read - read_);
       const ssize_t got = ::recv(socket_, buffer_, most, 0);
-      if (got <= 0) return got;
+      if (got <= 0) return end(StreamEnd::closed, got);
       read_ += static_cast<std::uint64_t>(got);
       at_ = 0;
       filled_ = static_cast<std::size_t>(got);
@@ -61,7 +68,7 @@ class BoundedStream : public httplib::Stream {
     const std::size_t some = std::min(size, filled_ - at_);
     std::copy_n(buffer_ + at_, some, out);
     at_ += some;
-    if (!endsLines(out, static_cast<std::size_t>(some))) return -1;
+    if (!endsLines(out, static_cast<std::size_t>(some))) return end(StreamEnd::spent, -1);
     return static_cast<ssize_t>(some);
   }
 
@@ -72,6 +79,11 @@ class BoundedStream : public httplib::Stream {
 
  private:
   using Clock = std::chrono::steady_clock;
+
+  ssize_t end(StreamEnd reason, ssize_t result) {
+    ended_ = reason;
+    return result;
+  }
 
   // Whether lines of heads are short enough: a head ends with an empty one, and another follows one of status 1xx.
   bool endsLines(const char* bytes, std::size_t size) {
@@ -103,6 +115,7 @@ class BoundedStream : public httplib::Stream {
   char buffer_[1 << 14];
   std::uint64_t read_ = 0;
   std::size_t at_ = 0, filled_ = 0;
+  StreamEnd ended_ = StreamEnd::none;
   bool in_head_ = true, first_line_ = true;
   char status_ = 0;         // the first digit
   std::uint64_t line_ = 0;  // [bytes] so far

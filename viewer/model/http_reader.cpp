@@ -32,15 +32,25 @@ constexpr std::string_view kScheme = "http://";
                   "unknown address" + expectedFound("http://HOST[:PORT]/FOLDER/FILE", printable(found)));
 }
 
-std::string reasonOf(httplib::Error error) {
-  switch (error) {
-    case httplib::Error::Connection:
-      return "nobody answers there";
-    case httplib::Error::Read:
+std::string seconds(int count) { return std::to_string(count) + " s"; }
+
+// `status`: 0 where the answer's head never came.
+std::string reasonOf(httplib::Error error, StreamEnd ended, int status, int stall_seconds) {
+  if (error == httplib::Error::Connection) return "nobody answers there";
+  if (error != httplib::Error::Read) return httplib::to_string(error);
+  switch (ended) {
+    case StreamEnd::closed:
       return "the answer ends early";
-    default:
-      return httplib::to_string(error);
+    case StreamEnd::stalled:
+      return (status == 0 ? "no answer within " : "nothing more came for ") + seconds(stall_seconds);
+    case StreamEnd::late:
+      return "the answer takes longer than " + seconds(kFetchSeconds);
+    case StreamEnd::spent:
+      return "the answer does not end";
+    case StreamEnd::none:
+      break;
   }
+  return "the answer is not HTTP";
 }
 
 HttpStamp stampOf(const httplib::Response& response) {
@@ -65,6 +75,8 @@ class HttpReader::Client : public httplib::ClientImpl {
   // Of the request at hand.
   std::uint64_t most = 0;
   std::stop_token stop;
+  // Of the one before.
+  StreamEnd ended = StreamEnd::none;
 
   // What fetch() gives; `status` stays 0 until an answer begins. Servers close connections that they kept, and may do
   // so just as they are asked: once more then.
@@ -118,7 +130,9 @@ class HttpReader::Client : public httplib::ClientImpl {
                               .write_stall_seconds = stall_seconds_,
                               .most_line = kLineBytes};
     BoundedStream stream(socket.sock, limits, [this] { return stop.stop_requested(); });
-    return callback(stream);
+    const bool whole = callback(stream);
+    ended = stream.ended();
+    return whole;
   }
 
   const int stall_seconds_;
@@ -178,11 +192,8 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     return true;
   };
   const auto fetch = [&] { return client_->Get(path, {{"Accept-Encoding", "identity"}}, begin, take); };
-  const auto asked = std::chrono::steady_clock::now();
   const httplib::Result result = client_->ask(fetch, status);
   answered_ = status != 0;
-  const bool silent = !result && result.error() == httplib::Error::Read && status == 0 &&
-                      std::chrono::steady_clock::now() - asked >= std::chrono::seconds(stall_seconds_);
   if (stop.stop_requested()) throw ReadCancelled();
   if (too_long) {
     throw tg::Error(ErrorKind::cannotRead, name, "is too long" + atMost(max_bytes, std::max(promised, max_bytes + 1)));
@@ -191,9 +202,8 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     throw tg::Error(ErrorKind::cannotRead, name, "the server refuses it" + expectedFound(200, status));
   }
   if (!result) {
-    const std::string reason =
-        silent ? "no answer within " + std::to_string(stall_seconds_) + " s" : reasonOf(result.error());
-    throw tg::Error(ErrorKind::cannotRead, name, "cannot be fetched: " + reason);
+    throw tg::Error(ErrorKind::cannotRead, name,
+                    "cannot be fetched: " + reasonOf(result.error(), client_->ended, status, stall_seconds_));
   }
   return bytes;
 }

@@ -194,6 +194,24 @@ TEST_CASE("what does not come over HTTP is named in a line") {
   CHECK(said(hung_up, "", 1000) == closing.address() + ": cannot be fetched: the answer ends early");
 }
 
+TEST_CASE("why an answer over HTTP is not whole is told apart") {
+  const auto said = [](const std::string& head, const std::string& rest, std::size_t times) {
+    const RawServer server(head, rest, times, true);
+    HttpReader reader(server.address(), 1);
+    const std::string text = messageOf([&] { reader.read("", 100'000, {}); }, ErrorKind::cannotRead);
+    const std::string before = server.address() + ": cannot be fetched: ";
+    REQUIRE(text.starts_with(before));
+    return text.substr(before.size());
+  };
+  const std::string ok = "HTTP/1.1 200 OK\r\n";
+  constexpr std::size_t kEndless = std::size_t{1} << 30;
+  CHECK(said(ok + "Content-Length: 100\r\n\r\nshort", "", 0) == "nothing more came for 1 s");
+  CHECK(said(ok + "Transfer-Encoding: chunked\r\n\r\n5\r\nshort\r\n", "", 0) == "nothing more came for 1 s");
+  CHECK(said(ok + "Content-Length: 1", "", 0) == "no answer within 1 s");
+  CHECK(said(ok, "X: y\r\n", kEndless) == "the answer does not end");
+  CHECK(said("SSH-2.0-OpenSSH_9.2\r\n", "", 0) == "the answer is not HTTP");
+}
+
 TEST_CASE("an address that is none of HTTP is refused before anything is sent") {
   for (const char* address : {"https://a/b", "http://", "http://host", "http:///b", "http://a:99999/b", "http://a:/b",
                               "http://a:x/b", "http://me@a/b", "http://a/b?c", "http://a/b c", "ftp://a/b", "a/b"}) {
