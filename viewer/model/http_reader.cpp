@@ -17,6 +17,7 @@
 #include "core/file/file.h"
 #include "core/system/descriptor.h"
 #include "core/system/error.h"
+#include "core/system/lower_case.h"
 #include "core/system/numbers.h"
 
 namespace tg {
@@ -26,6 +27,7 @@ constexpr std::uint64_t kHeaderBytes = 64 << 10;  // of an answer, at most
 constexpr std::uint64_t kLineBytes = 8 << 10;     // of it; the library matches the first by recursion, a level a byte
 constexpr std::chrono::seconds kKeptConnectionEnds{1};  // what takes longer is a server that says nothing
 constexpr std::string_view kScheme = "http://";
+constexpr const char* kPlain = "identity";  // the encoding that is none
 
 [[noreturn]] void refuse(const std::string& address, const std::string& found) {
   throw tg::Error(ErrorKind::usage, address,
@@ -178,12 +180,15 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
   int status = 0;
   bool too_long = false;
   std::uint64_t promised = 0;
+  std::string packing;  // that nobody asked for
   const auto begin = [&](const httplib::Response& response) {
     status = response.status;
     if (stamp) *stamp = stampOf(response);
     promised = parseWhole<std::uint64_t>(response.get_header_value("Content-Length")).value_or(0);
     too_long = status == 200 && promised > max_bytes;
-    return status == 200 && !too_long;
+    packing = response.get_header_value("Content-Encoding");
+    if (lowerCase(packing) == kPlain) packing.clear();
+    return status == 200 && packing.empty() && !too_long;
   };
   const auto take = [&](const char* data, std::size_t size) {
     too_long = size > max_bytes - bytes.size();
@@ -191,10 +196,14 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     bytes.insert(bytes.end(), data, data + size);
     return true;
   };
-  const auto fetch = [&] { return client_->Get(path, {{"Accept-Encoding", "identity"}}, begin, take); };
+  const auto fetch = [&] { return client_->Get(path, {{"Accept-Encoding", kPlain}}, begin, take); };
   const httplib::Result result = client_->ask(fetch, status);
   answered_ = status != 0;
   if (stop.stop_requested()) throw ReadCancelled();
+  if (status == 200 && !packing.empty()) {
+    throw tg::Error(ErrorKind::cannotRead, name,
+                    "the server sends it packed" + expectedFound("no Content-Encoding", printable(packing)));
+  }
   if (too_long) {
     throw tg::Error(ErrorKind::cannotRead, name, "is too long" + atMost(max_bytes, std::max(promised, max_bytes + 1)));
   }
@@ -211,7 +220,7 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
 std::optional<HttpStamp> HttpReader::stampNow(const std::stop_token& stop) {
   client_->most = 0;
   client_->stop = stop;
-  const auto fetch = [&] { return client_->Head(folder_ + file_, {{"Accept-Encoding", "identity"}}); };
+  const auto fetch = [&] { return client_->Head(folder_ + file_, {{"Accept-Encoding", kPlain}}); };
   const httplib::Result result = client_->ask(fetch, 0);
   if (stop.stop_requested()) throw ReadCancelled();
   if (!result || result->status != 200) return std::nullopt;

@@ -32,8 +32,8 @@ class HttpReader {
   HttpReader& operator=(HttpReader&&) = delete;
 
   // The bytes of a file beside the address's own; "" is that one. Throws Error(cannotRead) for what does not come, is
-  // longer than that or has another status than 200, and ReadCancelled when `stop` is asked for. `stamp`, where not
-  // null, becomes the file's.
+  // longer than that, packed or has another status than 200, and ReadCancelled when `stop` is asked for. `stamp`, where
+  // not null, becomes the file's.
   std::vector<std::uint8_t> read(const std::string& relative, std::uint64_t max_bytes, const std::stop_token& stop,
                                  HttpStamp* stamp = nullptr);
   // Whether the last read() had any answer.

@@ -85,20 +85,25 @@ class ClosingServer {
   std::jthread thread_;
 };
 
-// Answers its one connection with `head`, then `times` times with `rest`, and closes it at once or at its own end.
+// Answers each connection with `head`, then `times` times with `rest`, and closes it at once or when the client or the
+// server ends.
 class RawServer {
  public:
   RawServer(std::string head, std::string rest, std::size_t times, bool holds) {
     socket_ = listening(port_);
     thread_ = std::jthread([this, head, rest, times, holds](const std::stop_token& stop) {
-      const int client = ::accept(socket_, nullptr, nullptr);
-      char asked[4096];
-      if (::recv(client, asked, sizeof asked, 0) > 0) (void)::send(client, head.data(), head.size(), MSG_NOSIGNAL);
-      for (std::size_t i = 0; i < times; ++i) {
-        if (::send(client, rest.data(), rest.size(), MSG_NOSIGNAL) <= 0) break;
+      for (int client; (client = ::accept(socket_, nullptr, nullptr)) >= 0;) {
+        ++connections;
+        char asked[4096];
+        if (::recv(client, asked, sizeof asked, 0) > 0) (void)::send(client, head.data(), head.size(), MSG_NOSIGNAL);
+        for (std::size_t i = 0; i < times; ++i) {
+          if (::send(client, rest.data(), rest.size(), MSG_NOSIGNAL) <= 0) break;
+        }
+        while (holds && !stop.stop_requested() && ::recv(client, asked, sizeof asked, MSG_DONTWAIT) != 0) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        }
+        ::close(client);
       }
-      while (holds && !stop.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-      ::close(client);
     });
   }
   ~RawServer() {
@@ -110,6 +115,7 @@ class RawServer {
   RawServer& operator=(RawServer&&) = delete;
 
   std::string address() const { return "http://127.0.0.1:" + std::to_string(port_) + "/scene/a.bin"; }
+  std::atomic<int> connections{0};
 
  private:
   int socket_ = -1;
@@ -210,6 +216,23 @@ TEST_CASE("why an answer over HTTP is not whole is told apart") {
   CHECK(said(ok + "Content-Length: 1", "", 0) == "no answer within 1 s");
   CHECK(said(ok, "X: y\r\n", kEndless) == "the answer does not end");
   CHECK(said("SSH-2.0-OpenSSH_9.2\r\n", "", 0) == "the answer is not HTTP");
+}
+
+TEST_CASE("a file that an HTTP server packs unasked is refused by the packing's name") {
+  const auto headOf = [](const std::string& encoding) {
+    return "HTTP/1.1 200 OK\r\nContent-Encoding: " + encoding + "\r\nContent-Length: 3\r\n\r\nabc";
+  };
+  for (const std::string encoding : {"gzip", "br"}) {
+    const RawServer server(headOf(encoding), "", 0, true);
+    HttpReader reader(server.address());
+    for (const std::uint64_t most : {1000u, 1u}) {
+      CHECK(messageOf([&] { reader.read("", most, {}); }, ErrorKind::cannotRead) ==
+            server.address() + ": the server sends it packed (expected no Content-Encoding, found " + encoding + ")");
+    }
+  }
+  const RawServer plain(headOf("Identity"), "", 0, true);
+  HttpReader reader(plain.address());
+  CHECK(reader.read("", 1000, {}) == Bytes({'a', 'b', 'c'}));
 }
 
 TEST_CASE("an address that is none of HTTP is refused before anything is sent") {
