@@ -26,6 +26,7 @@ namespace {
 constexpr std::uint64_t kHeaderBytes = 64 << 10;  // of an answer, at most
 constexpr std::uint64_t kLineBytes = 8 << 10;     // of it; the library matches the first by recursion, a level a byte
 constexpr std::chrono::seconds kKeptConnectionEnds{1};  // what takes longer is a server that says nothing
+constexpr std::chrono::milliseconds kPauses[] = {std::chrono::milliseconds(500), std::chrono::milliseconds(1000)};
 constexpr std::string_view kScheme = "http://";
 constexpr const char* kPlain = "identity";  // the encoding that is none
 
@@ -54,6 +55,9 @@ std::string reasonOf(httplib::Error error, StreamEnd ended, int status, int stal
   }
   return "the answer is not HTTP";
 }
+
+// What a server, or a proxy before it, says that may answer soon.
+bool isPassing(int status) { return status == 502 || status == 503 || status == 504; }
 
 HttpStamp stampOf(const httplib::Response& response) {
   return {response.get_header_value("Last-Modified"), response.get_header_value("ETag")};
@@ -89,6 +93,22 @@ class HttpReader::Client : public httplib::ClientImpl {
     const bool closed = !result && status == 0 && std::chrono::steady_clock::now() - asked < kKeptConnectionEnds;
     if (closed && std::exchange(kept_, false) && !stop.stop_requested()) result = fetch();
     kept_ = static_cast<bool>(result);
+    return result;
+  }
+
+  // The same, and once more after each pause while what is in the way may pass: connections that end before their
+  // answers do, and statuses.
+  template <typename Fetch>
+  httplib::Result askPatiently(const Fetch& fetch, const int& status) {
+    httplib::Result result = ask(fetch, status);
+    for (const std::chrono::milliseconds pause : kPauses) {
+      const bool cut = !result && result.error() == httplib::Error::Read && ended == StreamEnd::closed;
+      if (!cut && !isPassing(status)) break;
+      constexpr int kNoSocket = -1;
+      waitFor(kNoSocket, 0, std::chrono::steady_clock::now() + pause, [this] { return stop.stop_requested(); });
+      if (stop.stop_requested()) break;
+      result = ask(fetch, status);
+    }
     return result;
   }
 
@@ -196,8 +216,12 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     bytes.insert(bytes.end(), data, data + size);
     return true;
   };
-  const auto fetch = [&] { return client_->Get(path, {{"Accept-Encoding", kPlain}}, begin, take); };
-  const httplib::Result result = client_->ask(fetch, status);
+  const auto fetch = [&] {
+    bytes.clear();
+    status = 0;
+    return client_->Get(path, {{"Accept-Encoding", kPlain}}, begin, take);
+  };
+  const httplib::Result result = client_->askPatiently(fetch, status);
   answered_ = status != 0;
   if (stop.stop_requested()) throw ReadCancelled();
   if (status == 200 && !packing.empty()) {

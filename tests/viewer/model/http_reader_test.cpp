@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdint>
@@ -85,15 +86,18 @@ class ClosingServer {
   std::jthread thread_;
 };
 
-// Answers each connection with `head`, then `times` times with `rest`, and closes it at once or when the client or the
-// server ends.
+// Answers each connection with its head, those beyond with the last one, then `times` times with `rest`, and closes it
+// at once or when the client or the server ends.
 class RawServer {
  public:
-  RawServer(std::string head, std::string rest, std::size_t times, bool holds) {
+  RawServer(const std::string& head, const std::string& rest, std::size_t times, bool holds)
+      : RawServer(std::vector{head}, rest, times, holds) {}
+  RawServer(std::vector<std::string> heads, std::string rest, std::size_t times, bool holds) {
     socket_ = listening(port_);
-    thread_ = std::jthread([this, head, rest, times, holds](const std::stop_token& stop) {
+    thread_ = std::jthread([this, heads, rest, times, holds](const std::stop_token& stop) {
       for (int client; (client = ::accept(socket_, nullptr, nullptr)) >= 0;) {
-        ++connections;
+        const std::string& head =
+            heads[std::min<std::size_t>(static_cast<std::size_t>(connections++), heads.size() - 1)];
         char asked[4096];
         if (::recv(client, asked, sizeof asked, 0) > 0) (void)::send(client, head.data(), head.size(), MSG_NOSIGNAL);
         for (std::size_t i = 0; i < times; ++i) {
@@ -174,6 +178,38 @@ TEST_CASE("a server that closes the connection that it kept is asked once more o
   HttpReader reader(server.address());
   for (int k = 0; k < 4; ++k) CHECK(reader.read("", 1000, {}) == Bytes({'a', 'b', 'c'}));
   CHECK(server.connections >= 3);
+}
+
+TEST_CASE("a file over HTTP is asked for twice more where its connection ends early or the server has none now") {
+  const std::string whole = "HTTP/1.1 200 OK\r\nContent-Length: 3\r\n\r\nabc";
+  const std::string cut = "HTTP/1.1 200 OK\r\nContent-Length: 3\r\n\r\nx";
+  const auto refused = [](int status) {
+    return "HTTP/1.1 " + std::to_string(status) + " No\r\nContent-Encoding: gzip\r\nContent-Length: 900\r\n\r\nno";
+  };
+  for (const std::vector<std::string>& heads : {std::vector{cut, cut, whole},
+                                                {std::string(), whole},
+                                                {refused(502), cut, whole},
+                                                {refused(503), refused(504), whole}}) {
+    INFO(heads.front());
+    const RawServer server(heads, "", 0, false);
+    HttpReader reader(server.address());
+    CHECK(reader.read("", 100, {}) == Bytes({'a', 'b', 'c'}));
+    CHECK(server.connections == static_cast<int>(heads.size()));
+  }
+  const auto tries = [](const std::string& head, const std::string& said) {
+    INFO(head);
+    const RawServer server(head, "", 0, false);
+    HttpReader reader(server.address());
+    const auto asked = std::chrono::steady_clock::now();
+    CHECK_THAT(messageOf([&] { reader.read("", 100, {}); }, ErrorKind::cannotRead), Contains(said));
+    if (server.connections > 1) CHECK(std::chrono::steady_clock::now() - asked >= std::chrono::milliseconds(1500));
+    return server.connections.load();
+  };
+  CHECK(tries(cut, "cannot be fetched: the answer ends early") == 3);
+  CHECK(tries(refused(503), "the server refuses it (expected 200, found 503)") == 3);
+  CHECK(tries(refused(404), "the server refuses it (expected 200, found 404)") == 1);
+  CHECK(tries(refused(500), "the server refuses it (expected 200, found 500)") == 1);
+  CHECK(tries("SSH-2.0-OpenSSH_9.2\r\n", "cannot be fetched: the answer is not HTTP") == 1);
 }
 
 TEST_CASE("what does not come over HTTP is named in a line") {
@@ -266,10 +302,11 @@ TEST_CASE("an answer over HTTP whose first line goes on is no answer") {
   }
 }
 
-TEST_CASE("a fetch from a server that does not connect or says nothing ends as soon as it is told to stop") {
+TEST_CASE("a fetch from a server that does not connect or says nothing or is busy ends as soon as it is told to stop") {
   const RawServer silent("", "", 0, true);
+  const RawServer busy("HTTP/1.1 503 No\r\n\r\n", "", 0, false);  // waited for
   const FullServer full;
-  for (const std::string& address : {silent.address(), full.address()}) {
+  for (const std::string& address : {silent.address(), busy.address(), full.address()}) {
     INFO(address);
     HttpReader reader(address);
     std::stop_source stop;
@@ -281,4 +318,5 @@ TEST_CASE("a fetch from a server that does not connect or says nothing ends as s
     CHECK_THROWS_AS(reader.read("", 100, stop.get_token()), ReadCancelled);
     CHECK(std::chrono::steady_clock::now() - asked < std::chrono::seconds(kConnectSeconds / 2));
   }
+  CHECK(busy.connections == 1);
 }
