@@ -9,6 +9,8 @@
 #include <numeric>
 #include <optional>
 #include <queue>
+#include <string_view>
+#include <unordered_set>
 #include <utility>
 
 #include "converter/lod/lod_names.h"
@@ -74,6 +76,7 @@ class Parser {
       }
       scene_.files.push_back(insideName(names, file.string()));
     }
+    requireEachOnce(names);
     scene_.file_counts.assign(scene_.files.size(), 0);
     scene_.counts.assign(static_cast<std::size_t>(scene_.levels), 0);
     stored_ = scene_.counts;
@@ -83,7 +86,6 @@ class Parser {
     warnOf(root, "count", std::accumulate(stored_.begin(), stored_.end(), std::uint64_t{0}));
     warnOf(root, "counts", stored_);
     warnOfSpareLevels();
-    warnOfRepeatedFiles();
     scene_.has_environment = root.has("environment") && !root.member("environment").is_null();
     if (root.has(lod::kOwn)) parseOwn(root.at(lod::kOwn).object());
   }
@@ -102,13 +104,12 @@ class Parser {
         expectedFound("0 to " + std::to_string(scene_.levels - 1), lod::quoted(printable(spare_))));
   }
 
-  void warnOfRepeatedFiles() {
-    std::vector<std::string> names = scene_.files;
-    std::ranges::sort(names);
-    const auto repeated = std::ranges::adjacent_find(names);
-    if (repeated == names.end()) return;
-    scene_.warnings.push_back("\"filenames\" has a file more than once" +
-                              expectedFound("each once", lod::quoted(printable(*repeated))));
+  // Its Gaussians would count again, whatever requireApart() finds.
+  void requireEachOnce(const JsonNode& names) const {
+    std::unordered_set<std::string_view> seen;
+    for (std::size_t i = 0; i < scene_.files.size(); ++i) {
+      if (!seen.insert(scene_.files[i]).second) names.element(i).fail("names a file a second time");
+    }
   }
 
   void addNode(const JsonNode& node) {

@@ -126,6 +126,9 @@ expect('a box is turned, and stands for that of the means', box === means && box
   expect('ranges that overlap', overlap === words(9, 5), overlap);
   const same = await scene({0: range(0, 0, 9)}, {0: range(0, 0, 9)}, {0: range(0, 18, 9)});
   expect('ranges that overlap as much as they leave out', same === words(9, 0), same);
+  const again = await parseLodMeta(bytesOf({lodLevels: 1, filenames: ['a/meta.json', 'b/meta.json', './a/meta.json'],
+                                            tree: {bound, lods: {0: range(0, 0, 9)}}})).catch((error) => error.message);
+  expect('a file under two names', again === 'lod-meta.json: /filenames/2: names a file a second time', again);
   const apart = await scene({0: range(0, 10, 5)}, {0: range(0, 0, 9)});
   expect('ranges with a gap', apart === 14, apart);
 }

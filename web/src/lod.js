@@ -71,6 +71,10 @@ export async function parseLodMeta(bytes) {
   expectThat(isCount(levels, 1, MOST_LEVELS), '/lodLevels', `${levels} (expected 1 to ${MOST_LEVELS})`);
   expectThat(Array.isArray(names) && names.length > 0 && names.length <= MOST_FILES &&
              names.every((name) => typeof name === 'string'), '/filenames', `expected 1 to ${MOST_FILES} names`);
+  const inFolder = (name) => name.replace(/^\.\//, '');
+  const firstOf = new Map(names.map((name, at) => [inFolder(name), at]).reverse());
+  const twice = names.findIndex((name, at) => firstOf.get(inFolder(name)) !== at);  // its Gaussians would count again
+  expectThat(twice < 0, `/filenames/${twice}`, 'names a file a second time');
   const scene = {files: names.map((name) => ({name, pieces: []})), leaves: [], pieces: [], levels, count: 0,
                  own: readOwn(meta[LEVELS])};
   const readPiece = (lod, level, where) => {
