@@ -144,9 +144,9 @@ void warnOfLeft(const std::vector<std::string>& names, const std::filesystem::pa
   const std::vector<std::string> own = gltfFilesBeside(output);
   for (const std::string& name : names) {
     std::error_code ignored;
-    if (std::ranges::binary_search(own, name) || !std::filesystem::exists(output.parent_path() / name, ignored))
-      continue;
-    warnings.push_back(name + " stays beside it, of the " + output.filename().string() + " that was replaced");
+    const bool there = std::filesystem::is_regular_file(output.parent_path() / name, ignored);
+    if (!there || std::ranges::binary_search(own, name)) continue;
+    warnings.push_back(name + " stays beside " + output.filename().string() + ", which referred to it before");
   }
 }
 

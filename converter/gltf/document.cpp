@@ -305,7 +305,8 @@ std::vector<std::string> gltfFilesBeside(const std::filesystem::path& path) {
     for (const json& entry : list(root, member)) {
       const auto uri = entry.find("uri");
       if (uri == entry.end() || !uri->is_string()) continue;
-      if (const auto name = nameBeside(uri->get_ref<const std::string&>())) names.insert(*name);
+      const auto name = nameBeside(uri->get_ref<const std::string&>());
+      if (name) names.insert(std::filesystem::path(*name).lexically_normal().string());  // of ./a.bin a.bin
     }
   }
   return {names.begin(), names.end()};

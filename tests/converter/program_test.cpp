@@ -635,15 +635,21 @@ TEST_CASE("what an earlier .gltf referred to and the new one does not is named a
   const Result first = tgconvert(scratch, sample);
   REQUIRE(first.code == 0);
   REQUIRE(std::filesystem::exists(scratch.folder() / "out/a_atlas_0_color.png"));
-  const std::string stays = "_color.png stays beside it, of the a.gltf that was replaced\n";
+  const std::string stays = " stays beside a.gltf, which referred to it before\n";
   CHECK(tgconvert(scratch, sample + "--overwrite").err == first.err);  // by files of the same names
   const Result dry = tgconvert(scratch, sample + "--overwrite --no-textures --dry-run");
   CHECK_THAT(dry.err, !Contains(stays));
   const Result bare = tgconvert(scratch, sample + "--overwrite --no-textures");
   CHECK(bare.code == 0);
-  CHECK_THAT(bare.err, Contains("a_atlas_0" + stays) && !Contains("a.bin"));
+  CHECK_THAT(bare.err, Contains("a_atlas_0_color.png" + stays) && !Contains("a.bin"));
   CHECK(std::filesystem::exists(scratch.folder() / "out/a_atlas_0_color.png"));
   CHECK_THAT(tgconvert(scratch, sample + "--overwrite --no-textures").err, !Contains(stays));
+  const std::string buffers = R"([{"uri": "./a.bin"}, {"uri": "."}, {"uri": "none.bin"}, {"uri": "./in.bin"}, 3])";
+  scratch.write("out/a.gltf", R"({"asset": {"version": "2.0"}, "buffers": )" + buffers + "}");
+  scratch.write("out/in.bin", "");
+  const Result other = tgconvert(scratch, sample + "--overwrite --no-textures");
+  CHECK_THAT(other.err, Contains(": in.bin" + stays) && !Contains("a.bin") && !Contains("none.bin"));
+  CHECK_THAT(other.err, !Contains(": ." + stays));
   scratch.write("out/a.gltf", "no glTF");
   CHECK(tgconvert(scratch, sample + "--overwrite").code == 0);
 }
