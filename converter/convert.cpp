@@ -29,7 +29,7 @@
 namespace tg {
 namespace {
 
-void checkOutput(const std::filesystem::path& output, bool overwrite) {
+void checkOutput(const Format& format, const std::filesystem::path& output, bool overwrite) {
   std::error_code status;
   if (std::filesystem::is_directory(output, status)) {
     throw Error(ErrorKind::cannotWrite, output.string(), "is a folder (expected a file)");
@@ -37,6 +37,7 @@ void checkOutput(const std::filesystem::path& output, bool overwrite) {
   if (!overwrite && std::filesystem::exists(output, status)) {
     throw Error(ErrorKind::cannotWrite, output.string(), "exists already (--overwrite replaces it)");
   }
+  requireOneFolder(format, output);
 }
 
 void measure(const Format& format, const std::filesystem::path& output, const Bundle& source,
@@ -213,7 +214,7 @@ ConvertReport convert(const std::filesystem::path& input, const std::filesystem:
   if (options.target.given() && !format.has_steps) {
     throw Error(ErrorKind::usage, output.string(), "a target is only for .sog, .glb, .gltf and .html");
   }
-  if (!options.dry_run) checkOutput(output, options.overwrite);
+  if (!options.dry_run) checkOutput(format, output, options.overwrite);
   const std::vector<std::string> beside_older =
       options.dry_run ? std::vector<std::string>() : besideOlder(format, output);
   ConvertReport report;

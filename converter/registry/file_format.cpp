@@ -475,6 +475,18 @@ void requireWritable(const Format& format, const Path& path) {
   const bool makes_folder =
       format.whole_name && path.has_parent_path() && !std::filesystem::exists(path.parent_path(), ignored);
   tg::requireWritable(makes_folder ? path.parent_path() : path);
+  requireOneFolder(format, path);
+}
+
+void requireOneFolder(const Format& format, const Path& path) {
+  if (!format.beside && format.name != "png") return;
+  const Path place = endOfLinks(path);
+  const auto folderOf = [](const Path& file) { return file.has_parent_path() ? file.parent_path() : Path("."); };
+  std::error_code ignored;
+  if (place == path || std::filesystem::equivalent(folderOf(path), folderOf(place), ignored)) return;
+  throw Error(
+      ErrorKind::cannotWrite, path.string(),
+      "is a symbolic link into another folder, and its other files lie beside it (expected " + place.string() + ")");
 }
 
 void requireStorable(const Format& format, const Path& path, const std::vector<Camera>& cameras) {
@@ -493,6 +505,7 @@ bool losesIntersection(const Format& format, const GaussianModel& model) {
 
 void writeModel(const Format& format, const Path& path, const Bundle& source, const WriteOptions& options,
                 Written& written) {
+  requireOneFolder(format, path);
   const std::string title(format.title);  // of what lacks something that is told; "" of a .png
   if (!title.empty() && !format.holds(kKeepsCameras) && !source.cameras.empty()) {
     written.warnings.push_back(title + " holds no cameras: they are left out");

@@ -111,8 +111,13 @@ Bundle readModel(const std::filesystem::path& path, const ReadOptions& options =
 // Bytes of a model, in all its files.
 std::uint64_t storedBytes(const Format& format, const std::filesystem::path& path);
 
-// Throws Error(cannotWrite) where `path` cannot be written. A format that has a folder of its own makes it.
+// Throws Error(cannotWrite) where `path` cannot be written, or not by requireOneFolder(). A format that has a folder of
+// its own makes it.
 void requireWritable(const Format& format, const std::filesystem::path& path);
+
+// Throws Error(cannotWrite) for a symbolic link into another folder, if the format writes files beside `path`: they
+// would lie beside the link, and be missed, or be older ones, where it leads.
+void requireOneFolder(const Format& format, const std::filesystem::path& path);
 
 // Throws Error(cannotWrite) where a file of that format cannot hold these: what the writers would say in the end.
 void requireStorable(const Format& format, const std::filesystem::path& path, const std::vector<Camera>& cameras);

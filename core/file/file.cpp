@@ -47,31 +47,6 @@ void requireFileName(const std::filesystem::path& path) {
   if (path.filename().empty()) throw Error(ErrorKind::cannotWrite, path.string(), "is no file name");
 }
 
-// Where a file at `path` belongs: at the end of the symbolic links, if it is one. As the kernel does where it is asked
-// to (fs.protected_symlinks), no other user's in a folder like /tmp is followed: it would lead to any file of ours.
-// Throws Error(cannotWrite).
-std::filesystem::path endOfLinks(const std::filesystem::path& path) {
-  constexpr int kMostLinks = 40;  // as Linux
-  std::filesystem::path place = path;
-  for (int links = 0;; ++links) {
-    struct stat link{}, folder{};
-    if (::lstat(place.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return place;
-    if (links == kMostLinks) {
-      throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: too many symbolic links");
-    }
-    constexpr mode_t kShared = S_ISVTX | S_IWOTH;
-    if (::stat(folderOf(place).c_str(), &folder) == 0 && (folder.st_mode & kShared) == kShared &&
-        link.st_uid != ::geteuid() && link.st_uid != folder.st_uid) {
-      throw Error(ErrorKind::cannotWrite, path.string(),
-                  "cannot write here: another user's symbolic link in a folder that all may write to");
-    }
-    std::error_code status;
-    const std::filesystem::path next = std::filesystem::read_symlink(place, status);
-    if (status) throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + status.message());
-    place = folderOf(place) / next;
-  }
-}
-
 // A fresh empty file beside `place`, with the extension of `reported`, readable as the umask says. Removed unless
 // released.
 class TemporaryFile {
@@ -116,6 +91,28 @@ void syncFile(const std::filesystem::path& file, const std::filesystem::path& re
 }
 
 }  // namespace
+
+std::filesystem::path endOfLinks(const std::filesystem::path& path) {
+  constexpr int kMostLinks = 40;  // as Linux
+  std::filesystem::path place = path;
+  for (int links = 0;; ++links) {
+    struct stat link{}, folder{};
+    if (::lstat(place.c_str(), &link) != 0 || !S_ISLNK(link.st_mode)) return place;
+    if (links == kMostLinks) {
+      throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: too many symbolic links");
+    }
+    constexpr mode_t kShared = S_ISVTX | S_IWOTH;  // as the kernel's fs.protected_symlinks, which is for open()
+    if (::stat(folderOf(place).c_str(), &folder) == 0 && (folder.st_mode & kShared) == kShared &&
+        link.st_uid != ::geteuid() && link.st_uid != folder.st_uid) {
+      throw Error(ErrorKind::cannotWrite, path.string(),
+                  "cannot write here: another user's symbolic link in a folder that all may write to");
+    }
+    std::error_code status;
+    const std::filesystem::path next = std::filesystem::read_symlink(place, status);
+    if (status) throw Error(ErrorKind::cannotWrite, path.string(), "cannot write here: " + status.message());
+    place = folderOf(place) / next;
+  }
+}
 
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));

@@ -76,6 +76,10 @@ class FileWriter {
   int descriptor_ = -1;
 };
 
+// Where a file by that name belongs: at the end of its symbolic links, whether anything is there or not. No other
+// user's in a folder like /tmp is followed: it would lead to any file of ours. Throws Error(cannotWrite).
+std::filesystem::path endOfLinks(const std::filesystem::path& path);
+
 // Throws what writeFileAtomically would throw for a place that cannot be written: for use before hours of work.
 void requireWritable(const std::filesystem::path& path);
 

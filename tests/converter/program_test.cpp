@@ -677,6 +677,39 @@ TEST_CASE("files beside a .gltf or a picture are replaced by --overwrite only") 
   }
 }
 
+TEST_CASE("a link into another folder is no name for what is written as several files") {
+  const Scratch scratch;
+  namespace fs = std::filesystem;
+  Bundle bundle;
+  bundle.model = test::makeScene(test::SceneKind::ordinary, 48, 20).model;
+  writeBundle(scratch.folder() / "in.tgz", bundle);
+  fs::create_directory(scratch.folder() / "far");
+  fs::create_directory(scratch.folder() / "near");
+  const auto countIn = [&](const std::string& folder) {
+    return std::distance(fs::recursive_directory_iterator(scratch.folder() / folder), {});
+  };
+  for (const std::string name : {"a.gltf", "b.tileset.json", "c.png", "lod-meta.json"}) {
+    CAPTURE(name);
+    REQUIRE(tgconvert(scratch, "in.tgz far/" + name).code == 0);
+    const std::string older = Glb::slurp(scratch.folder() / "far" / name);
+    fs::create_symlink("../far/" + name, scratch.folder() / "near" / name);
+    const auto far = countIn("far"), near = countIn("near");
+    const Result refused = tgconvert(scratch, "in.tgz --overwrite --quiet near/" + name);
+    CHECK(refused.code == 4);
+    CHECK(refused.err == "tgconvert: near/" + name +
+                             ": is a symbolic link into another folder, and its other files lie beside it (expected "
+                             "near/../far/" +
+                             name + ")\n");
+    CHECK(Glb::slurp(scratch.folder() / "far" / name) == older);
+    CHECK(countIn("far") == far);
+    CHECK(countIn("near") == near);
+  }
+  fs::create_symlink("d.gltf", scratch.folder() / "link.gltf");
+  CHECK(tgconvert(scratch, "in.tgz link.gltf").code == 0);
+  CHECK(tgconvert(scratch, "check d.gltf").code == 0);
+  CHECK(tgconvert(scratch, "check link.gltf").code == 0);
+}
+
 TEST_CASE("of several that write one file at once without --overwrite one wins and the others say so") {
   const Scratch scratch;
   writeSplatPly(scratch.folder() / "in.ply", randomSplats(1, 3000, 3.0, 48));
