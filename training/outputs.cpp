@@ -13,6 +13,7 @@
 
 #include "converter/registry/file_format.h"
 #include "core/file/atomic_files.h"
+#include "core/file/file.h"
 #include "core/system/error.h"
 #include "core/system/numbers.h"
 #include "training/plan.h"
@@ -39,23 +40,24 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
     const fs::path absolute = fs::absolute(path), place = fs::weakly_canonical(absolute, ignored);
     return place.empty() ? absolute.lexically_normal() : place;
   };
+  const auto outputPlaceOf = [&](const fs::path& path) { return placeOf(endOfLinks(path)); };  // there or not
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
     if (path.empty() || (&path == &paths.back() && path == kStandardOutput)) continue;
     const Format* format = &path == &paths.back() ? nullptr : &modelFormat(path);
     for (std::size_t j = 0; j < i; ++j) {
-      if (!paths[j].empty() && placeOf(path) == placeOf(paths[j])) {
+      if (!paths[j].empty() && outputPlaceOf(path) == outputPlaceOf(paths[j])) {
         throw Error(ErrorKind::usage, path, "is named for two outputs (expected different files)");
       }
     }
     const fs::path& run = options.run.folder;
     for (const std::string& input : {options.start_model, options.context}) {  // which --resume would read again
-      if (run.empty() || input.empty() || placeOf(path) != placeOf(input)) continue;
+      if (run.empty() || input.empty() || outputPlaceOf(path) != placeOf(input)) continue;
       throw Error(ErrorKind::usage, path, "is what training starts from (expected another name with a run folder)");
     }
     for (const char* own :
          {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json", "live.tgz", "live.json", "control", "previews"}) {
-      if (run.empty() || placeOf(path) != placeOf(run / own)) continue;
+      if (run.empty() || outputPlaceOf(path) != outputPlaceOf(run / own)) continue;
       throw Error(ErrorKind::usage, path, "is written in any case, by the run folder (expected another name)");
     }
     if (format) {

@@ -496,6 +496,9 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
   const std::string forever = "scene --iterations 10000000 ";
+  fs::create_symlink("m.tgz", folder / "link.tgz");  // to nothing yet
+  fs::create_symlink("run/model.tgz", folder / "own.tgz");
+  fs::create_symlink("scene/m.gltf", folder / "link.gltf");
   for (const auto& [outputs, code, message] : std::initializer_list<std::tuple<std::string, int, std::string>>{
            {"-o missing/m.tgz", 4, "missing/m.tgz: cannot write here"},
            {"-o m.tgz --json missing/m.json", 4, "missing/m.json: cannot write here"},
@@ -508,6 +511,9 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o m.png", 1, "m.png: is no model format (expected .compressed.ply, "},
            {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"},
            {"-o m.tgz --json ../" + folder.path.filename().string() + "/m.tgz", 1, "is named for two outputs"},
+           {"-o m.tgz --untextured-output link.tgz", 1, "link.tgz: is named for two outputs"},
+           {"-o own.tgz --run run", 1, "own.tgz: is written in any case, by the run folder"},
+           {"-o link.gltf", 4, "link.gltf: is a symbolic link into another folder"},
            {"-o m.tgz --preview-every 5", 1, "--preview-every expects a run folder (--run FOLDER)"},
            {"-o m.tgz --serve 0 --checkpoint-every 5", 1, "--checkpoint-every expects a run folder"},
            {"-o m.tgz --eval-every 5", 1, "--eval-every expects --run FOLDER or --serve"}}) {
@@ -518,7 +524,7 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
   }
   for (const auto& entry : fs::directory_iterator(folder.path)) {
     const std::string name = entry.path().filename().string();
-    CHECK((name == "scene" || name == "log.txt"));
+    CHECK((name == "scene" || name == "log.txt" || entry.is_symlink()));
   }
   for (const std::string output :
        {"--json r/../r/checkpoint", "-o r/live.tgz", "--json r/live.json", "--json r/control"}) {
