@@ -23,9 +23,9 @@ void writeTrial(const Format& format, const std::filesystem::path& file, const s
                 const Bundle& source, const WriteOptions& options, Written& written);
 
 // The finest WriteOptions::steps with which a file is no larger, or the coarsest with which its pictures are as near:
-// found to 2.5 %, or to 0.3 % where a file is then still more than 1 % smaller, by writing to `name` in a temporary
-// folder and, for pictures, by drawing `views`. What is returned has been tried. Throws Error(usage) for what no steps
-// reach, and what the format's writer throws. The format has steps.
+// found to 2.5 %, or for a size until 1 % of it is free at most or to 0.3 %, by writing to `name` in a temporary folder
+// and, for pictures, by drawing `views`. What is returned has been tried. Throws Error(usage) for what no steps reach,
+// and what the format's writer throws. The format has steps.
 float stepsFor(const Format& format, const std::filesystem::path& name, const Bundle& source,
                std::span<const Camera> views, WriteOptions options, const Target& target,
                const ConvertListener& listener = {});
