@@ -1091,16 +1091,16 @@ overwrite: a file that is there. quantize, meshopt: .glb, .gltf and .html with i
 EXT_meshopt_compression. measure: --psnr, draw both models and compare. steps: of .sog, .glb, .gltf and .html, how many
 times as wide as usual the steps of all numbers are, 1/8 to 64. edits: names and values of flags, in this order:
 [("scale", 2), ("upright", "")], values as settings: numbers, and str, bytes or os.PathLike. target_size, target_psnr:
-instead of steps, the finest with which the file has at most this size [bytes], or the coarsest with which pictures come
-so near to the source's [dB], 1 to 100. texture_step: between a texture's colours, 1/1024 to 1/2. cameras: False leaves
-cameras and named views out. views: named views of .glb, .gltf and .html in place of the source's. base_only: of a .glb,
-.gltf, .html, .sog, lod-meta or tileset that is read, without its textures. lean: .glb and .gltf without the numbers
-that only bring a .ply back bit by bit. atlas: texels of .glb, .gltf, .html and .png as "png8", "png16", "exr" or
-"webp". spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer, viewer_aim: --for and --for-aim,
-what viewers without textures show looks right in this one, as "three". dry_run: find out how large the file would be
-and write nothing. progress: called as progress(part, done, steps), on this thread, before and after every step of a
-"fit" to a viewer and every trial of a "target", of which a second search counts anew; what it raises ends the
-conversion.)");
+instead of steps, the finest with which the file has at most this size [bytes], or the coarsest with which pictures of
+up to four views come so near to the edited source's [dB], 1 to 100. texture_step: between a texture's colours, 1/1024
+to 1/2. cameras: False leaves cameras and named views out. views: named views of .glb, .gltf and .html in place of the
+source's. base_only: of a .glb, .gltf, .html, .sog, lod-meta or tileset that is read, without its textures. lean: .glb
+and .gltf without the numbers that only bring a .ply back bit by bit. atlas: texels of .glb, .gltf, .html and .png as
+"png8", "png16", "exr" or "webp". spz_version: 3 or 4. spz_axes: of an .spz that is read, "rub" or "rdf". viewer,
+viewer_aim: --for and --for-aim, what viewers without textures show looks right in this one, as "three". dry_run: find
+out how large the file would be and write nothing. progress: called as progress(part, done, steps), on this thread,
+before and after every step of a "fit" to a viewer and every trial of a "target", of which a second search counts anew;
+what it raises ends the conversion.)");
 }
 
 }  // namespace

@@ -25,7 +25,8 @@ struct ConvertOptions {
   // Edits in this order, by name and value of the flags: {{"scale", "2"}, {"upright", ""}}.
   std::vector<std::pair<std::string, std::string>> edits = {};
   // sog, glb, gltf, html, instead of `steps` and of one another: the finest steps with which the file has at most this
-  // size [bytes], 1 or more; the coarsest with which pictures come so near to the source's [dB], 1 to 100.
+  // size [bytes], 1 or more; the coarsest with which pictures of up to four views come so near to the edited source's
+  // [dB], 1 to 100.
   std::optional<std::uint64_t> target_size = {};
   std::optional<double> target_psnr = {};
   std::optional<float> texture_step = {};    // sog, glb, gltf, html: between a texture's colours, 1/1024 to 1/2
