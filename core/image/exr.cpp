@@ -11,11 +11,13 @@
 #include <half.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <new>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 
 #include "core/image/codecs.h"
 #include "core/system/assert.h"
@@ -28,6 +30,18 @@ constexpr int kMaxSide = 65536;  // the library buffers up to 256 lines of pixel
 constexpr int kMaxChannels = 32;
 constexpr std::int64_t kMaxPixelRatio =
     4096;  // pixels to file: ZIP reaches 1032, PIZ and B44 less, flat DWA pictures more
+
+// Bytes of the types of attributes that have a size of their own. The library reads as many whatever the header says,
+// and takes what follows for the next attribute, of any size.
+constexpr std::array<std::pair<std::string_view, std::size_t>, 23> kTypeBytes = {
+    {{"box2f", 16},      {"box2i", 16},   {"chromaticities", 32},
+     {"compression", 1}, {"double", 8},   {"envmap", 1},
+     {"float", 4},       {"int", 4},      {"keycode", 28},
+     {"lineOrder", 1},   {"m33d", 72},    {"m33f", 36},
+     {"m44d", 128},      {"m44f", 64},    {"rational", 8},
+     {"tiledesc", 9},    {"timecode", 8}, {"v2d", 16},
+     {"v2f", 8},         {"v2i", 8},      {"v3d", 24},
+     {"v3f", 12},        {"v3i", 12}}};
 
 // Of channels "alpha": whether colours are multiplied by it.
 constexpr const char* kAssociated = "tg:associated";
@@ -103,11 +117,17 @@ class HeaderReader {
       if (size < 0 || static_cast<std::size_t>(size) > left_.size()) fail("attribute " + name + " leaves the file");
       HeaderReader value(left_.first(static_cast<std::size_t>(size)), path_);
       left_ = left_.subspan(static_cast<std::size_t>(size));
+      if (const auto known = std::ranges::find(kTypeBytes, type, &std::pair<std::string_view, std::size_t>::first);
+          known != kTypeBytes.end()) {
+        value.checkBytes(known->second, name);
+      }
       if (name == "dataWindow" && type == "box2i") {
         value.readWindow(header_);
         has_window = true;
-      } else if (name == "channels" && type == "chlist") {
-        value.readChannels(header_);
+      } else if (type == "chlist") {
+        Header other;
+        value.readChannels(name == "channels" ? header_ : other);
+        if (!value.left_.empty()) fail("attribute " + name + " goes on behind its last channel");
       } else if (name == "compression" && type == "compression") {
         header_.compression = value.byte();
       } else {
@@ -186,6 +206,12 @@ class HeaderReader {
     }
   }
 
+  void checkBytes(std::size_t expected, const std::string& name) const {
+    if (left_.size() == expected) return;
+    fail("attribute " + name + " has a wrong size (expected " + std::to_string(expected) + ", found " +
+         std::to_string(left_.size()) + " bytes)");
+  }
+
   // The other attributes are the library's business, except where it allocates before it compares with the size, and
   // our own.
   void checkAttribute(const std::string& name, const std::string& type) {
@@ -200,6 +226,8 @@ class HeaderReader {
         if (length < 0 || static_cast<std::size_t>(length) > left_.size()) fail("attribute " + name + " is broken");
         left_ = left_.subspan(static_cast<std::size_t>(length));
       }
+    } else if (type == "floatvector") {
+      checkBytes(left_.size() / sizeof(float) * sizeof(float), name);
     } else if (type == "idmanifest" || type == "deepImageState") {
       fail("attribute " + name + " belongs to deep EXR files");
     } else if (name == kAssociated && type == "int" && integer() != 0) {

@@ -338,6 +338,38 @@ TEST_CASE("lists of texts in an EXR header must fit their attribute") {
   REQUIRE(refusal(255) == "x.exr: attribute who is broken");
 }
 
+TEST_CASE("EXR attributes have the sizes of their types: the library reads these whatever the header says") {
+  const std::vector<std::string> rgb = {"R", "G", "B"};
+  const std::vector<std::uint8_t> good = tg::encodeExr(Image(2, 2, 3, 0.5f), rgb);
+  const auto refusal = [&](const std::string& attribute) {
+    std::vector<std::uint8_t> bytes = good;
+    bytes.insert(bytes.begin() + 8, attribute.begin(), attribute.end());  // behind the version
+    return tg::test::messageOf([&] { tg::decodeImage(bytes, "x.exr"); });
+  };
+  const auto attribute = [](const std::string& name, const std::string& type, const std::string& value) {
+    return name + '\0' + type + '\0' + static_cast<char>(value.size()) + std::string(3, '\0') + value;
+  };
+  // A text of 1.8 GB that lies in what the library does not take for the attribute's value.
+  const std::string text("a\0string\0null", 13);
+  REQUIRE(refusal(attribute("b", "int", std::string(4, '\0') + text)) ==
+          "x.exr: attribute b has a wrong size (expected 4, found 17 bytes)");
+  REQUIRE(refusal(attribute("compression", "compression", '\0' + text)) ==
+          "x.exr: attribute compression has a wrong size (expected 1, found 14 bytes)");
+  REQUIRE(refusal(attribute("dataWindow", "box2i", std::string(16, '\0') + text)) ==
+          "x.exr: attribute dataWindow has a wrong size (expected 16, found 29 bytes)");
+  REQUIRE(refusal(attribute("b", "floatvector", "12345")) ==
+          "x.exr: attribute b has a wrong size (expected 4, found 5 bytes)");
+  const std::string channel =
+      std::string("R\0", 2) + '\1' + std::string(7, '\0') + std::string("\1\0\0\0\1\0\0\0\0", 9);
+  for (const std::string name : {"channels", "b"}) {
+    REQUIRE(refusal(attribute(name, "chlist", channel + text)) ==
+            "x.exr: attribute " + name + " goes on behind its last channel");
+  }
+  REQUIRE_THAT(refusal(attribute("b", "m33f", std::string(36, '\0'))), !Contains("attribute b"));
+  REQUIRE_THAT(refusal(attribute("b", "floatvector", std::string(8, '\0'))), !Contains("attribute b"));
+  REQUIRE_THAT(refusal(attribute("b", "of another program", "12345")), !Contains("attribute b"));
+}
+
 TEST_CASE("a PNG of 16 bits holds its numbers to half a step") {
   for (const int channels : {1, 3, 4}) {
     Image image(5, 3, channels);
