@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Boxes in boxes, and a walk over what refers to what.
+// A walk over what refers to what.
 #include "training/photos/heif_references.h"
 
-#include <algorithm>
 #include <cstddef>
 #include <map>
 #include <optional>
 #include <vector>
 
 #include "core/system/error.h"
+#include "training/photos/heif_boxes.h"
 
 namespace tg {
 namespace {
@@ -18,55 +18,12 @@ using Item = std::uint32_t;
 
 constexpr int kMostDeep = 4;  // a grid of tiles with a grid of their alpha is 2
 constexpr std::uint64_t kMostVisits = 65536;
-constexpr std::size_t kFullBoxBytes = 4;  // version and flags
-
-constexpr std::uint32_t named(const char (&name)[5]) {
-  std::uint32_t value = 0;
-  for (int k = 0; k < 4; ++k) value = value << 8 | static_cast<unsigned char>(name[k]);
-  return value;
-}
-
-// Takes big-endian numbers and boxes off the front; nothing once too few bytes are left.
-class Cursor {
- public:
-  explicit Cursor(Bytes bytes) : left_(bytes) {}
-
-  std::optional<std::uint64_t> number(std::size_t bytes) {
-    if (left_.size() < bytes) return std::nullopt;
-    std::uint64_t value = 0;
-    for (std::size_t k = 0; k < bytes; ++k) value = value << 8 | left_[k];
-    left_ = left_.subspan(bytes);
-    return value;
-  }
-
-  struct Box {
-    std::uint32_t type;
-    Bytes content;
-  };
-  // One that says to be longer than what is there ends with it.
-  std::optional<Box> box() {
-    const std::size_t before = left_.size();
-    const auto size = number(4), type = number(4);
-    if (!size || !type) return std::nullopt;
-    std::uint64_t length = *size;
-    if (length == 1) length = number(8).value_or(0);
-    if (length == 0) length = before;
-    const std::size_t head = before - left_.size();
-    if (length < head) return std::nullopt;
-    const Bytes content = left_.first(std::min<std::uint64_t>(length - head, left_.size()));
-    left_ = left_.subspan(content.size());
-    return Box{static_cast<std::uint32_t>(*type), content};
-  }
-
- private:
-  Bytes left_;
-};
 
 class References {
  public:
   explicit References(Bytes file) {
-    for (Cursor boxes(file); const auto box = boxes.box();) {
-      if (box->type == named("meta")) addMeta(box->content);
+    for (BoxCursor boxes(file); const auto box = boxes.box();) {
+      if (box->type == boxType("meta")) addMeta(box->content);
     }
   }
 
@@ -78,23 +35,23 @@ class References {
  private:
   void addMeta(Bytes content) {
     if (content.size() < kFullBoxBytes) return;
-    for (Cursor boxes(content.subspan(kFullBoxBytes)); const auto box = boxes.box();) {
-      if (box->type == named("iref")) addReferences(box->content);
+    for (BoxCursor boxes(content.subspan(kFullBoxBytes)); const auto box = boxes.box();) {
+      if (box->type == boxType("iref")) addReferences(box->content);
     }
   }
 
   void addReferences(Bytes content) {
     if (content.size() < kFullBoxBytes) return;
     const std::size_t id_bytes = content[0] == 0 ? 2 : 4;
-    for (Cursor boxes(content.subspan(kFullBoxBytes)); const auto box = boxes.box();) {
-      if (box->type != named("dimg") && box->type != named("auxl")) continue;
-      Cursor numbers(box->content);
+    for (BoxCursor boxes(content.subspan(kFullBoxBytes)); const auto box = boxes.box();) {
+      if (box->type != boxType("dimg") && box->type != boxType("auxl")) continue;
+      BoxCursor numbers(box->content);
       const auto from = numbers.number(id_bytes), count = numbers.number(2);
       for (std::uint64_t k = 0; from && k < count.value_or(0); ++k) {
         const auto to = numbers.number(id_bytes);
         if (!to) break;
         // The picture asks for its alpha, though it is the alpha that refers to the picture.
-        const bool alpha = box->type == named("auxl");
+        const bool alpha = box->type == boxType("auxl");
         parts_[static_cast<Item>(alpha ? *to : *from)].push_back(static_cast<Item>(alpha ? *from : *to));
       }
     }

@@ -21,6 +21,7 @@
 #include "core/system/parallel.h"
 #include "training/photos/hdr.h"
 #include "training/photos/heif_references.h"
+#include "training/photos/heif_sizes.h"
 
 namespace tg {
 namespace {
@@ -29,8 +30,8 @@ namespace fs = std::filesystem;
 using Bytes = std::span<const std::uint8_t>;
 
 constexpr std::uint64_t kMaxPhotographBytes = std::uint64_t{1} << 30;
-constexpr std::int64_t kAlwaysAllowed = std::int64_t{64} << 20;  // [bytes] of pixels
-constexpr std::int64_t kMaxRatio = 3000;                         // bytes of pixels in one of HEIC
+constexpr std::uint64_t kAlwaysAllowed = std::uint64_t{64} << 20;  // [bytes] of pixels
+constexpr std::uint64_t kMaxRatio = 3000;                          // bytes of pixels in one of HEIC
 constexpr double kFilmDiagonal = 43.2666;                        // [mm] of 36 x 24
 constexpr double kSameShape = 0.02;                              // relative difference of two aspect ratios
 constexpr double kShortest = 0.1, kLongest = 50;  // focal length over diagonal: what is beyond is no lens
@@ -190,7 +191,19 @@ TakenPhotograph readHeif(Bytes bytes, const std::string& path) {
       throw Error(ErrorKind::badData, path, std::string("broken HEIC: ") + (error.message ? error.message : "?"));
     }
   };
+  const auto checkPixels = [&](std::uint64_t width, std::uint64_t height) {
+    const std::uint64_t pixels = width * height;
+    if (pixels < 1 || pixels > kMaxImagePixels) {
+      throw Error(ErrorKind::badData, path, "image size out of range" + atMost(kMaxImagePixels, pixels));
+    }
+    if (3 * pixels > kAlwaysAllowed && 3 * pixels / kMaxRatio > bytes.size()) {
+      throw Error(ErrorKind::badData, path,
+                  "file is too short for its image size (found " + std::to_string(bytes.size()) + " bytes for " +
+                      std::to_string(pixels) + " pixels)");
+    }
+  };
   checkHeifReferences(bytes, path);
+  if (const std::uint64_t largest = largestHeifPicture(bytes, path); largest > 0) checkPixels(largest, 1);
   const std::unique_ptr<heif_context, void (*)(heif_context*)> context(heif_context_alloc(), heif_context_free);
   if (!context) throw std::bad_alloc();
   check(heif_context_read_from_memory_without_copy(context.get(), bytes.data(), bytes.size(), nullptr));
@@ -198,16 +211,7 @@ TakenPhotograph readHeif(Bytes bytes, const std::string& path) {
   check(heif_context_get_primary_image_handle(context.get(), &opened));
   const std::unique_ptr<heif_image_handle, void (*)(const heif_image_handle*)> handle(opened,
                                                                                       heif_image_handle_release);
-  const std::int64_t claimed = std::int64_t{heif_image_handle_get_width(opened)} * heif_image_handle_get_height(opened);
-  if (claimed < 1 || claimed > kMaxImagePixels) {
-    throw Error(ErrorKind::badData, path,
-                "image size out of range" + atMost(kMaxImagePixels, static_cast<std::uint64_t>(claimed)));
-  }
-  if (3 * claimed > kAlwaysAllowed && 3 * claimed / kMaxRatio > static_cast<std::int64_t>(bytes.size())) {
-    throw Error(ErrorKind::badData, path,
-                "file is too short for its image size (found " + std::to_string(bytes.size()) + " bytes for " +
-                    std::to_string(claimed) + " pixels)");
-  }
+  checkPixels(heif_image_handle_get_width(opened), heif_image_handle_get_height(opened));
   const auto [transfer, primaries] = lightOf(opened);
   const bool hdr = transfer != Transfer::sdr;
   heif_image* decoded = nullptr;
@@ -219,6 +223,7 @@ TakenPhotograph readHeif(Bytes bytes, const std::string& path) {
   if (plane == nullptr) throw Error(ErrorKind::badData, path, "broken HEIC: no pixels");
   const int width = heif_image_get_width(decoded, heif_channel_interleaved);
   const int height = heif_image_get_height(decoded, heif_channel_interleaved);
+  checkPixels(width, height);
   const auto step = static_cast<std::size_t>(stride);
   TakenPhotograph photograph;
   if (hdr) {

@@ -84,8 +84,8 @@ std::vector<std::uint8_t> startOf(const fs::path& file) {
 
 bool holdTheSame(const fs::path& a, const fs::path& b) {
   std::ifstream first(a, std::ios::binary), second(b, std::ios::binary);
-  using Bytes = std::istreambuf_iterator<char>;
-  return std::equal(Bytes(first), Bytes(), Bytes(second), Bytes());
+  using Characters = std::istreambuf_iterator<char>;
+  return std::equal(Characters(first), Characters(), Characters(second), Characters());
 }
 
 }  // namespace

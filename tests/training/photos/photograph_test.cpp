@@ -24,6 +24,7 @@
 #include "support/temporary_folder.h"
 #include "training/photos/child.h"
 #include "training/photos/heif_references.h"
+#include "training/photos/heif_sizes.h"
 #include "training/photos/prepare.h"
 
 namespace fs = std::filesystem;
@@ -199,6 +200,28 @@ TEST_CASE("hostile photographs end in an error or in a picture, wherever they ar
   }
 }
 
+namespace {
+
+void number(Bytes& bytes, std::size_t value, int count) {
+  for (int k = count - 1; k >= 0; --k) bytes.push_back(static_cast<std::uint8_t>(value >> 8 * k));
+}
+Bytes box(const char* type, std::initializer_list<Bytes> parts) {
+  Bytes content;
+  for (const Bytes& part : parts) content.insert(content.end(), part.begin(), part.end());
+  Bytes bytes;
+  number(bytes, 8 + content.size(), 4);
+  bytes.insert(bytes.end(), type, type + 4);
+  bytes.insert(bytes.end(), content.begin(), content.end());
+  return bytes;
+}
+Bytes heicOf(const Bytes& meta) {
+  Bytes file = box("ftyp", {{'h', 'e', 'i', 'c', 0, 0, 0, 0, 'm', 'i', 'f', '1'}});
+  file.insert(file.end(), meta.begin(), meta.end());
+  return file;
+}
+
+}  // namespace
+
 TEST_CASE("a HEIC whose pictures are made of each other is refused before libheif follows them", "[photos]") {
   // Each reference is a picture and one that it is made of; "auxl": an alpha and the picture that has it.
   struct Reference {
@@ -206,32 +229,16 @@ TEST_CASE("a HEIC whose pictures are made of each other is refused before libhei
     int from, to;
   };
   const auto heic = [](const std::vector<Reference>& references, bool wide = false) {
-    const auto number = [](Bytes& bytes, std::size_t value, int count) {
-      for (int k = count - 1; k >= 0; --k) bytes.push_back(static_cast<std::uint8_t>(value >> 8 * k));
-    };
-    const auto box = [&](const char* type, const Bytes& content) {
-      Bytes bytes;
-      number(bytes, 8 + content.size(), 4);
-      bytes.insert(bytes.end(), type, type + 4);
-      bytes.insert(bytes.end(), content.begin(), content.end());
-      return bytes;
-    };
     Bytes iref = {wide, 0, 0, 0};
     for (const Reference& reference : references) {
       Bytes ends;
       number(ends, static_cast<std::size_t>(reference.from), wide ? 4 : 2);
       number(ends, 1, 2);
       number(ends, static_cast<std::size_t>(reference.to), wide ? 4 : 2);
-      const Bytes entry = box(reference.type, ends);
+      const Bytes entry = box(reference.type, {ends});
       iref.insert(iref.end(), entry.begin(), entry.end());
     }
-    Bytes meta = {0, 0, 0, 0};
-    const Bytes inner = box("iref", iref);
-    meta.insert(meta.end(), inner.begin(), inner.end());
-    Bytes file = box("ftyp", {'h', 'e', 'i', 'c', 0, 0, 0, 0, 'm', 'i', 'f', '1'});
-    const Bytes outer = box("meta", meta);
-    file.insert(file.end(), outer.begin(), outer.end());
-    return file;
+    return heicOf(box("meta", {{0, 0, 0, 0}, box("iref", {iref})}));
   };
   const auto said = [](const Bytes& file) {
     return tg::test::messageOf([&] { tg::checkHeifReferences(file, "a.heic"); });
@@ -252,6 +259,64 @@ TEST_CASE("a HEIC whose pictures are made of each other is refused before libhei
   Bytes cut = heic({{"dimg", 1, 2}, {"dimg", 1, 3}});
   for (; !cut.empty(); cut.pop_back()) CHECK(said(cut) == "accepted");
   CHECK_THROWS_WITH(tg::decodePhotograph(heic({{"dimg", 2, 2}}), "a.heic"), Contains("made of each other"));
+}
+
+TEST_CASE("pictures of a HEIC are as large as what their decoders go by says, whatever the file tells", "[photos]") {
+  // An SPS of x265 for 1920 x 1088 and two temporal layers, and a sequence header of libaom for 1280 x 720.
+  const Bytes sps = {0x42, 1,    2, 1, 0x60, 0, 0,    3,    0,    0x90, 0,    0,    3,    0,    0,    3,
+                     0,    0x78, 0, 0, 0xa0, 3, 0xc0, 0x80, 0x11, 5,    0x96, 0x56, 0x62, 0xb3, 0x49, 0x26};
+  const Bytes sequence = {0x12, 0, 0x0a, 0x0b, 0, 0, 0, 0x2d, 0x4c, 0xff, 0xb3, 0xcc, 0xaf, 0x90, 4};
+  constexpr std::uint64_t kSps = 1920 * 1088, kSequence = 1280 * 720;
+  // An item of these bytes in `idat`, in two parts, by version 1 of `iloc`; the parts come `times` times.
+  const auto itemOf = [](const char* type, const Bytes& data, int times = 1) {
+    Bytes entry = {2, 0, 0, 0, 0, 7, 0, 0};
+    entry.insert(entry.end(), type, type + 4);
+    Bytes iloc = {1, 0, 0, 0, 0x44, 0, 0, 1, 0, 7, 0, 1, 0, 0};
+    number(iloc, static_cast<std::size_t>(2 * times), 2);
+    for (int k = 0; k < times; ++k) {
+      number(iloc, 0, 4), number(iloc, 3, 4);
+      number(iloc, 3, 4), number(iloc, data.size() - 3, 4);
+    }
+    return heicOf(box("meta", {{0, 0, 0, 0},
+                               box("iinf", {{0, 0, 0, 0, 0, 1}, box("infe", {entry})}),
+                               box("idat", {data}),
+                               box("iloc", {iloc})}));
+  };
+  const auto most = [](const Bytes& file) { return tg::largestHeifPicture(file, "a.heic"); };
+  CHECK(most(itemOf("grid", {0, 0, 1, 1, 0x80, 0, 0x7f, 0xff})) == 0x8000ull * 0x7fff);
+  CHECK(most(itemOf("grid", {0, 1, 1, 1, 0, 1, 0, 0, 0, 2, 0, 0})) == 0x10000ull * 0x20000);
+  CHECK(most(itemOf("iovl", {0, 0, 9, 9, 9, 9, 9, 9, 9, 9, 1, 0, 2, 0, 0, 0, 0, 0})) == 256ull * 512);
+  CHECK(most(itemOf("grid", {0, 0, 1, 1, 0x80, 0})) == 0);
+  CHECK(most(itemOf("Exif", {0, 0, 1, 1, 0x80, 0, 0x7f, 0xff})) == 0);
+  Bytes units = {0, 0, 0, 2, 0x40, 1, 0, 0, 0, static_cast<std::uint8_t>(sps.size())};
+  units.insert(units.end(), sps.begin(), sps.end());
+  CHECK(most(itemOf("hvc1", units)) == kSps);
+  CHECK(most(itemOf("hev1", units)) == kSps);
+  units[11] |= 8;  // of another layer, which the decoder passes over
+  CHECK(most(itemOf("hvc1", units)) == 0);
+  CHECK(most(itemOf("av01", sequence)) == kSequence);
+  const Bytes still = {0x0a, 9, 0x18, 0x15, 0x7f, 0xfd, 0x82, 4, 4, 0x0d, 8};  // of 64 x 64
+  CHECK(most(itemOf("av01", still)) == 64 * 64);
+  // In properties.
+  const auto propertyOf = [](const Bytes& property) {
+    return heicOf(box("meta", {{0, 0, 0, 0}, box("iprp", {box("ipco", {property})})}));
+  };
+  const Bytes arrays = {1, 0x21, 0, 1, 0, static_cast<std::uint8_t>(sps.size())};
+  CHECK(most(propertyOf(box("hvcC", {Bytes(22), arrays, sps}))) == kSps);
+  CHECK(most(propertyOf(box("av1C", {Bytes(4), sequence}))) == kSequence);
+  // Parts that are taken time and again.
+  CHECK_THROWS_WITH(most(itemOf("hvc1", Bytes(2000, 1), 40)), Contains("a.heic: broken HEIC: pictures share bytes"));
+  // Cut anywhere it is no worse.
+  for (Bytes cut = itemOf("av01", sequence); !cut.empty(); cut.pop_back()) CHECK(most(cut) <= kSequence);
+
+  // Refused before libheif is asked.
+  const auto said = [](const Bytes& file) {
+    return tg::test::messageOf([&] { tg::decodePhotograph(file, "a.heic"); });
+  };
+  CHECK(said(itemOf("grid", {0, 0, 0, 0, 0x7f, 0xbc, 0x7f, 0xbc})) ==
+        "a.heic: image size out of range (expected at most 268435456, found 1069290000)");
+  CHECK_THAT(said(itemOf("grid", {0, 0, 0, 0, 0x34, 0x32, 0x39, 0x34})),
+             Contains("a.heic: file is too short for its image size") && Contains("195673128 pixels"));
 }
 
 TEST_CASE("PNG, WebP and HEIC are photographs, too, and a transparent one keeps its alpha", "[photos]") {
