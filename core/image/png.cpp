@@ -91,6 +91,9 @@ bool readHeader(PngState& state, PngHeader& header) {
   png_set_read_fn(state.png, &state, onRead);
   png_set_user_limits(state.png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);  // checkImageSize decides
   png_set_crc_action(state.png, PNG_CRC_ERROR_QUIT, PNG_CRC_WARN_DISCARD);
+  // Nothing is asked of other chunks than IHDR, PLTE, tRNS, IDAT and IEND; the library would unpack and keep texts and
+  // profiles, 8 MB of each.
+  png_set_keep_unknown_chunks(state.png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
   png_read_info(state.png, state.info);
   header.width = png_get_image_width(state.png, state.info);
   header.height = png_get_image_height(state.png, state.info);

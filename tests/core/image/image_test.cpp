@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image files: round trips, conversions, and refusal of everything broken.
+#include <zlib.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -151,6 +153,28 @@ TEST_CASE("a PNG whose header promises a row of gigabytes is refused before memo
   const tg::test::AddressSpaceLimit limit(std::uint64_t{1} << 30);
   CHECK(tg::test::messageOf([&] { tg::decodeImage(wide, "x.png"); }) ==
         "x.png: image size out of range (expected 1 to 268435456 pixels, found 536870912 x 1)");
+}
+
+TEST_CASE("packed texts of a PNG take no memory") {
+  TG_SKIP_IF(tg::test::noAddressSpaceLimit());
+  const std::vector<std::uint8_t> text(7'500'000, 'a');
+  uLongf size = compressBound(text.size());
+  std::vector<std::uint8_t> chunk = {'z', 'T', 'X', 't', 'k', 0, 0};
+  const std::size_t head = chunk.size();
+  chunk.resize(head + size);
+  REQUIRE(compress2(&chunk[head], &size, text.data(), text.size(), 9) == Z_OK);
+  chunk.resize(head + size);
+  const auto number = [&](auto at, std::size_t value) {
+    for (int shift = 0; shift < 32; shift += 8) at = chunk.insert(at, static_cast<std::uint8_t>(value >> shift));
+  };
+  const uLong sum = crc32(0, chunk.data(), static_cast<uInt>(chunk.size()));
+  number(chunk.begin(), head - 4 + size);
+  number(chunk.end(), sum);
+  constexpr std::size_t header_bytes = 33;
+  std::vector<std::uint8_t> png = tg::encodePng(Image(2000, 2000, 1, 1.0f));
+  for (int k = 0; k < 30; ++k) png.insert(png.begin() + header_bytes, chunk.begin(), chunk.end());
+  const tg::test::AddressSpaceLimit limit(std::uint64_t{64} << 20);
+  CHECK(tg::decodeImage(png, "x.png").at(1999, 1999, 0) == 1.0f);
 }
 
 TEST_CASE("JPEG keeps a smooth picture within its quality, in colour and grey") {
