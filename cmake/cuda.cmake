@@ -1,6 +1,6 @@
 # The CUDA compiler, if there is one: CMAKE_CUDA_COMPILER, nvcc on the PATH, or what scripts/install_cuda.sh downloaded.
 # Sets TG_CUDA_FOUND. TG_CUDA: AUTO takes what there is, ON fails without a compiler, OFF looks for none.
-tg_switch(TG_CUDA AUTO "Build the CUDA trainer: AUTO (when nvcc is found), ON, OFF" AUTO)
+tg_switch(TG_CUDA ${tg_auto} "Build the CUDA trainer: AUTO (when nvcc is found), ON, OFF" AUTO)
 set(TG_CUDA_FOUND OFF)
 set(tg_cuda_cache "$ENV{XDG_CACHE_HOME}")
 if(NOT tg_cuda_cache)

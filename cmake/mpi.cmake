@@ -1,6 +1,6 @@
 # MPI, for one training over several processes. Sets TG_MPI_FOUND. TG_MPI: AUTO takes what there is, ON fails without
 # it, OFF does not look.
-tg_switch(TG_MPI AUTO "Build the module by which mpirun starts one training in several processes: AUTO (where MPI is), ON, OFF" AUTO)
+tg_switch(TG_MPI ${tg_auto} "Build the module by which mpirun starts one training in several processes: AUTO (where MPI is), ON, OFF" AUTO)
 set(TG_MPI_FOUND OFF)
 if(NOT TG_MPI STREQUAL OFF)
   if(TG_MPI STREQUAL ON)

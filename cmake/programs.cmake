@@ -1,6 +1,13 @@
 # tg_install_programs(TARGET...): programs with what their option tables give: a manual page and completions for bash, zsh and
-# fish, written by the programs once they are built.
+# fish, written by the programs once they are built. A project that adds this one as a folder
+# takes the library: it builds none of them unasked, but for the tests, and installs none.
 function(tg_install_programs)
+  if(NOT PROJECT_IS_TOP_LEVEL)
+    if(NOT TG_TESTS)
+      set_target_properties(${ARGN} PROPERTIES EXCLUDE_FROM_ALL ON)
+    endif()
+    return()
+  endif()
   install(TARGETS ${ARGN})
   if(CMAKE_CROSSCOMPILING)
     return()
