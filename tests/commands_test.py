@@ -168,6 +168,10 @@ def main():
         for command in commands:
             texts[f"{program.name} {command}"], own = check_help(program, [command])
             known[program.name][command] = own - {"--completion", "--man"}  # of the program
+            for asked in ("--man", "--completion=bash"):
+                result = run(program, command, asked)
+                check(result.returncode == 1 and "--completion and --man stand alone" in result.stderr,
+                      f"{program.name} {command} {asked}: {result.stderr}")
             result = run(program, command[:-2] + command[-1] + command[-2], "x")
             check(result.returncode == 1 and f"did you mean {command}?" in result.stderr, f"{command}: {result.stderr}")
     for name, text in texts.items():

@@ -105,6 +105,16 @@ std::string usageMessage(const CLI::App& app, const CLI::Error& error, std::span
   return message;
 }
 
+// Whether --man or --completion failed behind a command that does not know it, or that misses something else first.
+bool failedForCompany(const CLI::ParseError& error, std::span<char*> arguments) {
+  const auto code = static_cast<CLI::ExitCodes>(error.get_exit_code());
+  if (code != CLI::ExitCodes::ExtrasError && code != CLI::ExitCodes::RequiredError) return false;
+  const auto end = std::ranges::find(arguments, std::string_view("--"));
+  return std::any_of(arguments.begin(), end, [](const std::string_view word) {
+    return word == "--man" || word == "--completion" || word.starts_with("--completion=");
+  });
+}
+
 // Of both libraries' buffers, which a program may have filled in turns. What was lost before has no reason any more.
 void flushOutput() {
   errno = 0;
@@ -251,17 +261,17 @@ std::optional<int> parseCommandLine(CLI::App& app, int argc, char** argv) {
     }
   }
   refuseUnknownCommand(app, argc, argv);
+  const Error company(ErrorKind::usage, "--completion and --man stand alone (expected nothing else with them)");
   try {
     app.parse(argc, argv);
-    if (!shell.empty() || manual) {
-      throw Error(ErrorKind::usage, "--completion and --man stand alone (expected nothing else with them)");
-    }
+    if (!shell.empty() || manual) throw company;
     refuseEmptyNames(app);
     return std::nullopt;
   } catch (const CLI::FileError& error) {
     app.exit(error);
     return static_cast<int>(ErrorKind::cannotRead);
   } catch (const CLI::ParseError& error) {
+    if (failedForCompany(error, {argv, static_cast<std::size_t>(argc)})) throw company;
     std::ostringstream asked;
     const bool help = app.exit(error, asked) == 0;
     print(asked.str());
