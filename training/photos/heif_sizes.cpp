@@ -158,14 +158,17 @@ std::uint64_t pixelsOfItem(std::uint32_t type, ItemBytes data) {
   }
 }
 
-// What a box `meta` tells of its items.
+// What boxes `meta` tell of their items.
 class Items {
  public:
-  Items(ItemBytes file, ItemBytes meta, const std::string& path) : file_(file), path_(path) {
+  Items(ItemBytes file, const std::string& path) : file_(file), path_(path) {}
+
+  void addMeta(ItemBytes meta) {
     if (meta.size() < kFullBoxBytes) return;
-    const ItemBytes content = meta.subspan(kFullBoxBytes);
+    types_.clear();
+    idat_.reset();
     std::optional<ItemBytes> locations;
-    for (BoxCursor boxes(content); const auto box = boxes.box();) {
+    for (BoxCursor boxes(meta.subspan(kFullBoxBytes)); const auto box = boxes.box();) {
       if (box->type == boxType("iinf")) addTypes(box->content);
       if (box->type == boxType("iprp")) addProperties(box->content);
       if (box->type == boxType("idat") && !idat_) idat_ = box->content;
@@ -212,7 +215,9 @@ class Items {
     for (std::uint64_t left = arrays.number(1).value_or(0); left > 0; --left) {
       arrays.number(1);  // of which kind
       for (std::uint64_t units = arrays.number(2).value_or(0); units > 0; --units) {
-        most_ = std::max(most_, pixelsOfNal(arrays.take(arrays.number(2).value_or(0))));
+        const auto length = arrays.number(2);
+        if (!length) return;
+        most_ = std::max(most_, pixelsOfNal(arrays.take(*length)));
       }
     }
   }
@@ -254,8 +259,9 @@ class Items {
   void countBytes(std::size_t bytes) {
     taken_ += bytes + 1;
     const std::uint64_t most = kMostTimes * file_.size();
-    if (taken_ > most)
+    if (taken_ > most) {
       throw Error(ErrorKind::badData, path_, "broken HEIC: pictures share bytes" + atMost(most, taken_));
+    }
   }
   void addItem(std::uint32_t type, std::span<const ItemBytes> parts) {
     std::vector<std::uint8_t> joined;
@@ -276,11 +282,11 @@ class Items {
 }  // namespace
 
 std::uint64_t largestHeifPicture(ItemBytes bytes, const std::string& path) {
-  std::uint64_t most = 0;
+  Items items(bytes, path);
   for (BoxCursor boxes(bytes); const auto box = boxes.box();) {
-    if (box->type == boxType("meta")) most = std::max(most, Items(bytes, box->content, path).mostPixels());
+    if (box->type == boxType("meta")) items.addMeta(box->content);
   }
-  return most;
+  return items.mostPixels();
 }
 
 }  // namespace tg
