@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Help, manual pages and completions of the programs, from the same option tables, the pages of docs/ beside them, and the
-help of scripts: commands_test.py PROGRAM..."""
+"""Help, manual pages and completions of the programs, from the same option tables, the pages of docs/ beside them, and
+the help of scripts: commands_test.py PROGRAM..."""
 import os
 import pathlib
 import re
@@ -153,7 +153,8 @@ def check_scripts():
         with tempfile.TemporaryDirectory() as folder:
             result = run(script, "--help", cwd=folder, env={"PATH": "/usr/bin:/bin", "HOME": folder})
         heading = re.search(r"^#!.*\n# (.*)$", script.read_text(), re.M)[1]
-        check(result.returncode == 0 and result.stdout.startswith(heading), f"{script.name} --help: {result.stdout[:200]}")
+        check(result.returncode == 0 and result.stdout.startswith(heading),
+              f"{script.name} --help: {result.stdout[:200]}")
 
 
 def main():
