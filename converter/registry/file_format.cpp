@@ -379,7 +379,7 @@ constexpr Format kFormats[] = {
      .names_others = true,
      .has_base = true,
      .has_steps = true},
-    {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>},
+    {.name = "png", .keeps = kKeepsTextures | kKeepsFloats, .write = writeScene<writeAtlas>, .writes_beside = true},
 };
 
 // Of what is written; of models alone where `read_again`.
@@ -479,7 +479,7 @@ void requireWritable(const Format& format, const Path& path) {
 }
 
 void requireOneFolder(const Format& format, const Path& path) {
-  if (!format.beside && format.name != "png") return;
+  if (!format.beside && !format.writes_beside) return;
   const Path place = endOfLinks(path);
   const auto folderOf = [](const Path& file) { return file.has_parent_path() ? file.parent_path() : Path("."); };
   std::error_code ignored;

@@ -78,6 +78,7 @@ struct Format {
   bool streams = false;     // written from Gaussians that are not in memory as a whole
   bool is_common = false;   // other files begin like it, too: any archive, any JSON
   bool has_cameras_file = false;  // a cameras.json, which holds some 50,000
+  bool writes_beside = false;     // files beside the one that is named, which are never read
   bool whole_name = false;  // `name` is how a file's name ends, without a dot before it; its folder holds the rest
 
   bool holds(Keeps what) const { return (keeps & what) != 0; }

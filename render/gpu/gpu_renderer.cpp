@@ -95,7 +95,7 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   try {
     return renderWhole(camera, settings);
   } catch (const DoesNotFit&) {
-    if (rows <= static_cast<int>(kTileSize)) throw;
+    if (!canBeCut(rows)) throw;
   }
   return renderBands(camera, settings, halfOfRows(rows));
 }
@@ -168,6 +168,8 @@ void GpuRenderer::run(const Recording& recording) {
     throw;
   }
 }
+
+bool canBeCut(int rows) { return rows > static_cast<int>(kTileSize); }
 
 int halfOfRows(int rows) {
   constexpr int kTile = kTileSize;

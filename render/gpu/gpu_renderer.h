@@ -112,6 +112,8 @@ class GpuRenderer : public Renderer {
   FrameCounts counts_;
 };
 
+// Whether a picture of so many rows can be drawn in parts.
+bool canBeCut(int rows);
 // Of a picture of so many rows, more than a tile has: how many are in the bands into which it is cut where it
 // does not fit, at least those of a row of tiles.
 int halfOfRows(int rows);

@@ -31,8 +31,6 @@ OutputRange united(const OutputRange& a, const OutputRange& b) {
   return {std::min(a.least, b.least), std::max(a.most, b.most)};
 }
 
-bool canBeCut(int rows) { return rows > static_cast<int>(kTileSize); }
-
 FrameRequest frameOf(const PictureRequest& request) { return {request.camera, request.settings, request.output}; }
 
 // Of the model to compare with.
