@@ -29,17 +29,19 @@ fs::path modelOf(const fs::path& models, const std::string& name) {
   throw Error(ErrorKind::cannotRead, inside.string(), "the block's model is not there, nor is " + beside.string());
 }
 
-// The block in whose cell most of a model lies, by some thousand of its Gaussians.
-std::size_t mostlyIn(const std::vector<SceneBlock>& scene, std::size_t own, const GaussianModel& model) {
+// The block whose cell and padding hold more of a model than those of `own`, if the latter lack a tenth of it, by some
+// thousand of its Gaussians. Where neighbours are narrow their paddings hold much the same, and either may be right.
+std::size_t mostlyOf(const std::vector<SceneBlock>& scene, std::size_t own, const GaussianModel& model) {
   constexpr std::size_t kLooks = 4096;
   std::vector<std::size_t> counts(scene.size());
-  for (std::size_t k = 0; k < model.size(); k += model.size() / kLooks + 1) {
+  std::size_t looks = 0;
+  for (std::size_t k = 0; k < model.size(); k += model.size() / kLooks + 1, ++looks) {
     const glm::dvec3 mean(model.mean[k]);
-    const auto at = std::ranges::find_if(scene, [&](const SceneBlock& block) { return block.cell.contains(mean); });
-    if (at != scene.end()) ++counts[static_cast<std::size_t>(at - scene.begin())];
+    for (std::size_t i = 0; i < scene.size(); ++i) counts[i] += scene[i].cell.padded(scene[i].padding).contains(mean);
   }
   const auto most = std::ranges::max_element(counts);
-  return *most > counts[own] ? static_cast<std::size_t>(most - counts.begin()) : own;
+  const bool apart = 10 * counts[own] < 9 * looks && *most > counts[own];
+  return apart ? static_cast<std::size_t>(most - counts.begin()) : own;
 }
 
 }  // namespace
@@ -77,9 +79,10 @@ MergeReport mergeBlocks(const fs::path& blocks, const fs::path& models, const fs
         merged.cameras.push_back(std::move(camera));
     }
     GaussianModel& model = bundle.model;
-    if (const std::size_t other = mostlyIn(scene, i, model); other != i) {
-      report.warnings.push_back(path + ": more of it lies in the cell of " + scene[other].name + " than in that of " +
-                                scene[i].name + " (is it the model of another block or scene?)");
+    if (const std::size_t other = mostlyOf(scene, i, model); other != i) {
+      report.warnings.push_back(path + ": lies outside of " + scene[i].name +
+                                " and its padding, more of it in those of " + scene[other].name +
+                                " (is it the model of another block or scene?)");
     }
     std::vector<std::uint8_t> inside(model.size());
     std::ranges::transform(model.mean, inside.begin(),

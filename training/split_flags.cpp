@@ -48,14 +48,13 @@ TrainSettings trainedWith(const std::vector<std::string>& flags) {
   addTrainingOptions(app, options);
   std::string file;
   app.set_config();
+  app.set_help_flag();
+  app.remove_option(app.get_option("dataset"));
   app.add_option("--config", file);
   try {
     std::vector<std::string> words(flags.rbegin(), flags.rend());
     words.insert(words.end(), {"1", "--gaussians"});  // as all of them have a count
     app.parse(std::move(words));
-    if (!options.dataset.empty()) {
-      throw Error(ErrorKind::usage, options.dataset + ": is no flag (expected --NAME VALUE)");
-    }
     return settingsOf(options);
   } catch (const CLI::Error& error) {
     throw Error(ErrorKind::usage, "--train: " + wrongFlags(app, error));
@@ -98,7 +97,7 @@ void addSplitFlags(CLI::App& app, SplitFlags& flags) {
       ->capture_default_str();
   app.add_option("--least-cameras", flags.least, "Training views of a block, where so many see it")
       ->check(within(1, 1'000'000))
-      ->capture_default_str();
+      ->default_str(std::to_string(BlockOptions().least));
   app.add_option("--most-cameras", flags.most, "Training views of a block at most")
       ->check(within(1, 1'000'000))
       ->capture_default_str();
@@ -123,16 +122,16 @@ void splitScene(const SplitFlags& flags) {
   if (flags.grid.empty() == (flags.memory == 0)) {
     throw Error(ErrorKind::usage, "split: expected --blocks NxM or --memory SIZE");
   }
-  if (flags.least > flags.most && flags.least != SplitFlags().least) {
+  if (flags.least.value_or(1) > flags.most) {
     throw Error(ErrorKind::usage,
-                "split: --least-cameras is more than --most-cameras" + atMost(flags.most, flags.least));
+                "split: --least-cameras is more than --most-cameras" + atMost(flags.most, *flags.least));
   }
   BlockOptions options;
   if (!flags.grid.empty()) options.grid = gridOf(flags.grid);
   options.memory = flags.memory;
   options.gaussians = flags.gaussians;
   options.padding = flags.padding / 100;
-  options.least = std::min(flags.least, flags.most);
+  options.least = flags.least.value_or(std::min(BlockOptions().least, flags.most));
   options.most = flags.most;
   if (!flags.context.empty()) (void)readModel(flags.context);  // before it is every training's complaint
   DatasetOptions data = datasetOptions(flags.data);

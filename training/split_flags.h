@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "training/cli.h"
@@ -17,7 +18,8 @@ struct SplitFlags {
   std::uint64_t memory = 0;
   std::size_t gaussians = 0;
   double padding = 20;  // [%]
-  std::size_t least = 100, most = 1500;
+  std::optional<std::size_t> least;
+  std::size_t most = 1500;
   std::string context;  // of every training; "": none
   std::string train;    // flags of every training
   DatasetFlags data;

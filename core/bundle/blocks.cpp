@@ -166,6 +166,11 @@ fs::path wholeDataset(const fs::path& folder, const BlockFile& block) {
     throw Error(ErrorKind::cannotRead, (folder / kBlockName).string(),
                 "its data set " + block.dataset + " is not there");
   }
+  if (fs::is_empty(whole, error)) {
+    throw Error(
+        ErrorKind::cannotRead, (folder / kBlockName).string(),
+        "its data set " + block.dataset + " is an empty folder (expected photographs, or its share to be there)");
+  }
   return whole;
 }
 

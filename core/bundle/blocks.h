@@ -54,7 +54,8 @@ void writeBlock(const std::filesystem::path& folder, const BlockFile& file);
 std::vector<SceneBlock> readBlocks(const std::filesystem::path& folder);
 // None for a folder without block.json. Throws Error(cannotRead / badData), also for a block without photographs.
 std::optional<BlockFile> readBlock(const std::filesystem::path& folder);
-// The folder of the data set that the block in `folder` is of. Throws Error(cannotRead) where it is not there.
+// The folder of the data set that the block in `folder` is of. Throws Error(cannotRead) where it is not there, or an
+// empty folder.
 std::filesystem::path wholeDataset(const std::filesystem::path& folder, const BlockFile& block);
 
 }  // namespace tg

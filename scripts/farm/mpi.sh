@@ -13,11 +13,17 @@ jobs=$1 farm=$2 workers=$3
 shift 3
 trap 'exit 130' INT  # Ctrl-C is not for mpirun alone
 tgtrain farm "$jobs" --out "$farm" --prepare
+attempts() { find "$farm/jobs" -mindepth 2 -maxdepth 2 -type d | wc -l; }
+before=$(attempts)
 # --bind-to none: a rank bound to a core would train on that core alone.
 # A worker that ends with an error (a full disk, a job given up) must not take the others with it: mpirun would kill
 # them all, which loses nothing but time. A machine that is lost does that nevertheless. The last command says how it
-# went, and does what is left.
+# went, and does what is left - but not the whole list, here alone, where no worker was started.
 mpirun -np "$workers" --bind-to none "$@" \
   sh -c 'tgtrain farm "$1" --out "$2" --join --threads "$3" || echo "a worker ended with exit code $?" >&2' \
-  worker "$jobs" "$farm" "${THREADS:-2}" || echo "mpirun ended with exit code $?" >&2
+  worker "$jobs" "$farm" "${THREADS:-2}" || {
+  code=$?
+  echo "mpirun ended with exit code $code" >&2
+  if [ "$(attempts)" = "$before" ]; then exit "$code"; fi
+}
 exec tgtrain farm "$jobs" --out "$farm" --join --threads "${THREADS:-2}"

@@ -184,19 +184,21 @@ TEST_CASE("jobs whose data set is not on a machine are left to others", "[farm]"
   std::ofstream(folder / "jobs.jsonl", std::ios::app)
       << "{\"name\": \"d\", \"dataset\": \"copied/scene\", \"flags\": [\"--iterations\", \"2\", "
          "\"--texture-iterations\", \"0\"]}\n";
+  fs::create_directory(folder / "scene");  // of whose blocks one is elsewhere: not mounted
+  std::ofstream(folder / "jobs.jsonl", std::ios::app) << "{\"name\": \"e\", \"dataset\": \"blocks/block_0_0\"}\n";
   const Outcome worker = tgtrain(folder, "farm jobs.jsonl --out farm");
   INFO(worker.output);
   CHECK(worker.code == 2);
-  CHECK_THAT(worker.output, Contains("a: its data set nowhere is not on this machine; left to others") &&
-                                Contains("b: its data set mount is not") &&
-                                Contains("c: its data set copied/block_0_0 is not") &&
-                                Contains("1 of 4 jobs done, 3 left to others"));
-  for (const char* name : {"a", "b", "c"}) CHECK_FALSE(fs::exists(folder / "farm/jobs" / name));
+  CHECK_THAT(worker.output,
+             Contains("a: its data set nowhere is not on this machine; left to others") &&
+                 Contains("b: its data set mount is not") && Contains("c: its data set copied/block_0_0 is not") &&
+                 Contains("e: its data set blocks/block_0_0 is not") && Contains("1 of 5 jobs done, 4 left to others"));
+  for (const char* name : {"a", "b", "c", "e"}) CHECK_FALSE(fs::exists(folder / "farm/jobs" / name));
   // Another is at one of them: there is no waiting for what cannot be done here.
   fs::create_directories(folder / "farm/jobs/a/0001");
   const Outcome beside = tgtrain(folder, "farm jobs.jsonl --out farm");
   CHECK(beside.code == 2);
-  CHECK_THAT(beside.output, Contains("1 of 4 jobs done, 2 left to others, others are at 1"));
+  CHECK_THAT(beside.output, Contains("1 of 5 jobs done, 3 left to others, others are at 1"));
 }
 
 TEST_CASE("a data set that vanishes from a machine during a training leaves the job to others", "[farm]") {
@@ -219,8 +221,9 @@ TEST_CASE("a data set that vanishes from a machine during a training leaves the 
 TEST_CASE("what failed on a machine is left to others while they are at work", "[farm]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  writeJobs(folder, "2", 1, "60");
-  std::ofstream(folder / "jobs.jsonl", std::ios::app)
+  const std::string there = GENERATE("scene", "nowhere");  // data that this machine has, and has not
+  std::ofstream(folder / "jobs.jsonl")
+      << "{\"name\": \"job0\", \"dataset\": \"" + there + "\", \"flags\": [\"--iterations\", \"2\"]}\n"
       << "{\"name\": \"fails\", \"dataset\": \"scene\", \"flags\": [\"--start-model\", \"absent.ply\"]}\n";
   REQUIRE(tgtrain(folder, "farm jobs.jsonl --out farm --prepare").code == 0);
   const fs::path other = folder / "farm/jobs/job0/0001";
@@ -236,7 +239,8 @@ TEST_CASE("what failed on a machine is left to others while they are at work", "
   INFO(alone.output);
   CHECK(alone.code == 2);
   CHECK_THAT(alone.output, Contains("fails: attempt 3 failed with exit code 2; given up") &&
-                               Contains("1 of 2 jobs done, 1 given up"));
+                               Contains(there == "scene" ? "1 of 2 jobs done, 1 given up"
+                                                         : "0 of 2 jobs done, 1 given up, 1 left to others"));
 }
 
 TEST_CASE("a job that another worker took over does not fail because its run is gone", "[farm]") {
@@ -330,7 +334,12 @@ TEST_CASE("the script for MPI does what a lost machine left", "[farm]") {
   CHECK_THAT(outcome.output, Contains("mpirun ended with exit code 137") &&
                                  Contains("farm jobs.jsonl --out farm --join --threads 2\n") &&
                                  Contains("1 of 1 jobs done"));
+  program("mpirun", "echo not enough slots; exit 3");  // no worker: this machine is not for all of it
+  CHECK(run(folder, script).code == 3);
   fs::remove_all(folder / "farm");
+  program("mpirun", "exit 3");
+  CHECK(run(folder, script).code == 3);
+  CHECK(fs::is_empty(folder / "farm/results"));
   program("mpirun", "kill -INT $PPID; exit 1");
   CHECK(run(folder, script).code == 130);
   CHECK(fs::is_empty(folder / "farm/results"));

@@ -230,6 +230,7 @@ std::vector<PlannedBlock> blocksOf(const std::vector<GridCell>& cells, const std
 }  // namespace
 
 std::string memoryText(std::uint64_t bytes, bool up) {
+  if (bytes < 1000) return std::to_string(bytes) + " bytes";
   const bool tiny = bytes < 100'000, small = bytes < 100'000'000;
   const double digits = static_cast<double>(bytes) / (tiny    ? 1e2
                                                       : small ? 1e5

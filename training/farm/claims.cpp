@@ -172,6 +172,7 @@ FarmFolder::FarmFolder(fs::path folder, const std::vector<FarmJob>& jobs, const 
                 "is of workers of another version" + expectedFound(shortened(found.version, 40, 10), version));
   }
   if (found.jobs != jobs_) refuseOtherJobs(folder_, found.jobs, jobs_);
+  requireResults();
 }
 
 fs::path FarmFolder::attempt(const std::string& job, int number) const {
@@ -216,7 +217,7 @@ JobView FarmFolder::look(const std::string& job) const {
 }
 
 bool FarmFolder::claim(const std::string& job, int number, const std::string& worker) const {
-  requireResults(ErrorKind::cannotWrite);
+  requireResults();
   makeFolder(folder_ / "jobs" / job);
   const fs::path taken = attempt(job, number);
   if (::mkdir(taken.c_str(), 0777) != 0) {
@@ -289,7 +290,7 @@ bool FarmFolder::publish(const std::string& job, int number) const {
   if (results.get() >= 0) (void)::fsync(results.get());  // some file systems cannot
   if (renamed == 0) return true;
   if (fs::is_directory(to, ignored)) return !fs::exists(from, ignored);  // gone: only the server's answer was lost
-  requireResults(ErrorKind::cannotWrite);
+  requireResults();
   errno = reason;
   throw Error(ErrorKind::cannotWrite, to.string(), "cannot rename the finished result: " + systemReason());
 }

@@ -80,9 +80,10 @@ class FarmFolder {
   // Removes the runs of a job that is done: checkpoints are as large as three models.
   void sweep(const std::string& job) const;
 
- private:
-  void requireResults(ErrorKind kind) const;
+  // Throws Error(kind) where the results are gone: what is done would be done again.
+  void requireResults(ErrorKind kind = ErrorKind::cannotWrite) const;
 
+ private:
   const std::filesystem::path folder_;
   std::vector<FarmJob> jobs_;
 };

@@ -123,6 +123,7 @@ class Worker {
     std::optional<Choice> best, again;
     bool elsewhere = false;
     open_ = 0;
+    folder_.requireResults();
     for (const FarmJob& job : folder_.jobs()) {
       if (settled_.contains(job.name)) continue;
       JobView view = folder_.look(job.name);
@@ -143,6 +144,7 @@ class Worker {
         settled_.insert(job.name);
         continue;
       }
+      if (view.state == JobState::taken) elsewhere = elsewhere || machineOf(view.worker) != machine_;
       if (!hasData(job)) {
         if (view.state == JobState::open && passed_over_.insert(job.name).second) {
           listener_.warn(job.name + ": its data set " + job.dataset + " is not on this machine; left to others");
@@ -150,7 +152,6 @@ class Worker {
         continue;
       }
       ++open_;
-      if (view.state == JobState::taken) elsewhere = elsewhere || machineOf(view.worker) != machine_;
       if (view.state != JobState::open) continue;
       const bool failed_here = std::ranges::find(view.failed_at, machine_, machineOf) != view.failed_at.end();
       std::optional<Choice>& place = failed_here ? again : best;
@@ -276,9 +277,8 @@ class Worker {
 
   // Every job is settled, or others are at work on the rest, or it is for them.
   int conclude() {
-    std::size_t done = 0, failed = 0, open = 0;
+    std::size_t done = 0, failed = 0, open = 0, open_here = 0;
     int code = 0;
-    bool without_data = false;
     for (const FarmJob& job : folder_.jobs()) {
       const JobView view = folder_.look(job.name);
       done += view.state == JobState::done;
@@ -286,14 +286,14 @@ class Worker {
       if (view.state == JobState::failed && code == 0) code = view.failure->code;
       if (view.state != JobState::open) continue;
       ++open;
-      without_data = without_data || !hasData(job);
+      open_here += hasData(job);
     }
     const std::size_t taken = jobs() - done - failed - open;
     listener_.say(std::to_string(done) + " of " + std::to_string(jobs()) + " jobs done" +
                   (failed > 0 ? ", " + std::to_string(failed) + " given up" : "") +
                   (open > 0 ? ", " + std::to_string(open) + " left to others" : "") +
                   (taken > 0 ? ", others are at " + std::to_string(taken) : ""));
-    if (code == 0 && without_data) code = static_cast<int>(ErrorKind::cannotRead);
+    if (code == 0 && open > 0 && open_here == 0) code = static_cast<int>(ErrorKind::cannotRead);
     const bool ours = code >= 0 && code <= static_cast<int>(ErrorKind::device);
     return ours ? code : static_cast<int>(ErrorKind::device);
   }

@@ -667,3 +667,33 @@ TEST_CASE("blocks whose files say no background are merged with those that say o
       test::messageOf([&] { mergeBlocks(blocks, models, scratch.folder() / "merged.glb", true); }, ErrorKind::badData),
       Contains("east.tgz: has another background than the blocks before it"));
 }
+
+TEST_CASE("merging warns of the model of another block, not of one that mostly fills its block's padding") {
+  const Scratch scratch;
+  const fs::path blocks = scratch.folder() / "blocks", models = scratch.folder() / "models";
+  fs::create_directories(blocks);
+  fs::create_directories(models);
+  constexpr double kRim = std::numeric_limits<double>::infinity();
+  writeBlocks(blocks, {{"west", {.low = {-kRim, -kRim}, .high = {0, kRim}}, 1.0},
+                       {"strip", {.low = {0, -kRim}, .high = {1, kRim}}, 1.0},
+                       {"east", {.low = {1, -kRim}, .high = {kRim, kRim}}, 1.0}});
+  Bundle bundle;
+  bundle.model = tinyModel(40, 1);
+  Written written;
+  const auto put = [&](const std::string& name, float low, float high) {
+    for (std::size_t k = 0; k < 40; ++k) {
+      bundle.model.mean[k] = {low + (high - low) * (static_cast<float>(k) + 0.5f) / 40.0f, 0, 0};
+    }
+    writeBundle(models / (name + ".tgz"), bundle);
+  };
+  const auto warnings = [&] { return mergeBlocks(blocks, models, scratch.folder() / "merged.tgz", true).warnings; };
+  put("west", -3, 1);
+  put("strip", -1, 1.2f);  // most of it in the west's cell and padding
+  put("east", 0, 4);
+  CHECK(warnings().empty());
+  put("strip", 0, 4);
+  const std::vector<std::string> of_another = warnings();
+  REQUIRE(of_another.size() == 1);
+  CHECK_THAT(of_another.front(),
+             Contains("strip.tgz: lies outside of strip and its padding, more of it in those of east"));
+}

@@ -165,6 +165,7 @@ TEST_CASE("as few blocks as the memory allows", "[blocks]") {
   CHECK_NOTHROW(tg::planBlocks(dataset, kUp, wanted));
   wanted.memory -= 20'000'000;
   CHECK_THROWS(tg::planBlocks(dataset, kUp, wanted));
+  CHECK(tg::memoryText(50, false) == "50 bytes");
   CHECK(tg::memoryText(1000, false) == "1.0 KB");
   CHECK(tg::memoryText(100'001) == "0.2 MB");
   CHECK(tg::memoryText(99'900'001) == "100.0 MB");

@@ -132,6 +132,11 @@ TEST_CASE("results that are gone stop a farm before it does all again", "[farm]"
   CHECK_FALSE(fs::exists(farm.attempt("b", 1)));
   CHECK_THAT(tg::test::messageOf([&] { const FarmFolder status(folder / "farm"); }, tg::ErrorKind::cannotRead),
              Contains(gone));
+  for (const bool join : {false, true}) {
+    CHECK_THAT(tg::test::messageOf([&] { const FarmFolder worker(folder / "farm", kJobs, "1", join); },
+                                   tg::ErrorKind::cannotWrite),
+               Contains(gone));
+  }
   fs::rename(folder / "kept", folder / "farm/results");
   CHECK(farm.publish("a", 1));
 }
