@@ -108,7 +108,9 @@ class Parser {
   void requireEachOnce(const JsonNode& names) const {
     std::unordered_set<std::string_view> seen;
     for (std::size_t i = 0; i < scene_.files.size(); ++i) {
-      if (!seen.insert(scene_.files[i]).second) names.element(i).fail("names a file a second time");
+      if (seen.insert(scene_.files[i]).second) continue;
+      names.element(i).fail("names a file a second time" +
+                            expectedFound("each once", lod::quoted(printable(scene_.files[i]))));
     }
   }
 

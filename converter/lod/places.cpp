@@ -2,7 +2,9 @@
 // Means against the bounds of their leaves.
 #include "converter/lod/places.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "converter/lod/lod_names.h"
 #include "converter/sog/sog.h"
@@ -22,7 +24,8 @@ LodPlaces::LodPlaces(const LodScene& scene)
     whole_ = around(whole_, scene.leaves[leaf].bound);
     const std::vector<LodRange>& levels = scene.leaves[leaf].levels;
     for (std::size_t level = 0; level < levels.size(); ++level) {
-      if (level > 0 && levels[level] == levels[level - 1]) continue;
+      const auto at = levels.begin() + static_cast<std::ptrdiff_t>(level);
+      if (std::find(levels.begin(), at, *at) != at) continue;
       places_[levels[level].file].push_back({leaf, levels[level]});
     }
   }

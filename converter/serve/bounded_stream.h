@@ -21,8 +21,9 @@ struct StreamLimits {
   std::uint64_t most_line = std::numeric_limits<std::uint64_t>::max();  // [bytes] of a head
 };
 
-// Why nothing more was read: the other side closed it, `read_stall_seconds` or `read_seconds` were over, or its bytes.
-enum class StreamEnd { none, closed, stalled, late, spent };
+// Why nothing more was read: the other side closed it, `read_stall_seconds` or `read_seconds` were over, its bytes or
+// those of a line.
+enum class StreamEnd { none, closed, stalled, late, spent, line };
 
 // Whether poll() has one of `events` to tell of that socket before then. `stopped`, asked ten times a second, ends the
 // wait, too.
@@ -68,7 +69,7 @@ class BoundedStream : public httplib::Stream {
     const std::size_t some = std::min(size, filled_ - at_);
     std::copy_n(buffer_ + at_, some, out);
     at_ += some;
-    if (!endsLines(out, static_cast<std::size_t>(some))) return end(StreamEnd::spent, -1);
+    if (!endsLines(out, static_cast<std::size_t>(some))) return end(StreamEnd::line, -1);
     return static_cast<ssize_t>(some);
   }
 

@@ -126,9 +126,23 @@ expect('a box is turned, and stands for that of the means', box === means && box
   expect('ranges that overlap', overlap === words(9, 5), overlap);
   const same = await scene({0: range(0, 0, 9)}, {0: range(0, 0, 9)}, {0: range(0, 18, 9)});
   expect('ranges that overlap as much as they leave out', same === words(9, 0), same);
-  const again = await parseLodMeta(bytesOf({lodLevels: 1, filenames: ['a/meta.json', 'b/meta.json', './a/meta.json'],
-                                            tree: {bound, lods: {0: range(0, 0, 9)}}})).catch((error) => error.message);
-  expect('a file under two names', again === 'lod-meta.json: /filenames/2: names a file a second time', again);
+  const named = (name) => parseLodMeta(bytesOf({lodLevels: 1, filenames: ['a/meta.json', 'b/meta.json', name],
+                                                tree: {bound, lods: {0: range(0, 0, 9)}}}))
+    .then(() => 'read', (error) => error.message);
+  for (const name of ['a/meta.json', './a/meta.json']) {
+    const again = await named(name);
+    expect('a file under two names', again ===
+      'lod-meta.json: /filenames/2: names a file a second time (expected each once, found "a/meta.json")', again);
+  }
+  for (const name of ['a/./meta.json', 'b/../a/meta.json', '././a/meta.json', 'a\\meta.json', 'a/meta.json#1',
+                      'a/meta.json?', 'a/meta.jso%6e', 'a//meta.json', ' /../a', '/a', '', 'a/', 'https://a/b',
+                      '.hidden/meta.json', 'a\x1b[m', 'a\x9b[m', 'a\ud800', 'a'.repeat(5000)]) {
+    const other = await named(name);
+    expect('a name that is none in the folder', other.startsWith('lod-meta.json: /filenames/2: leaves the folder'),
+           [name, other]);
+  }
+  const unusual = await named('a b (1)+2/m\u00e9ta \u96ea.json');
+  expect('names of other signs', unusual === 'read', unusual);
   const apart = await scene({0: range(0, 10, 5)}, {0: range(0, 0, 9)});
   expect('ranges with a gap', apart === 14, apart);
 }

@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
+#include <sstream>
 #include <utility>
 
 #include "converter/serve/bounded_stream.h"
@@ -50,14 +51,28 @@ std::string reasonOf(httplib::Error error, StreamEnd ended, int status, int stal
       return "the answer takes longer than " + seconds(kFetchSeconds);
     case StreamEnd::spent:
       return "the answer does not end";
+    case StreamEnd::line:
+      return "a line of the answer's head is longer than " + std::to_string(kLineBytes) + " bytes";
     case StreamEnd::none:
       break;
   }
-  return "the answer is not HTTP";
+  return status == 0 ? "the answer is not HTTP" : "the answer's chunks are broken";
 }
 
 // What a server, or a proxy before it, says that may answer soon.
 bool isPassing(int status) { return status == 502 || status == 503 || status == 504; }
+
+// Of the names in a Content-Encoding, which may be wrong about bytes that are plain.
+bool isPacking(const std::string& encodings) {
+  std::istringstream names(lowerCase(encodings));
+  for (std::string name; std::getline(names, name, ',');) {
+    std::erase_if(name, [](char c) { return c == ' ' || c == '\t'; });
+    for (const char* packing : {"gzip", "x-gzip", "deflate", "compress", "x-compress", "br", "zstd", "dcb", "dcz"}) {
+      if (name == packing) return true;
+    }
+  }
+  return false;
+}
 
 HttpStamp stampOf(const httplib::Response& response) {
   return {response.get_header_value("Last-Modified"), response.get_header_value("ETag")};
@@ -97,13 +112,16 @@ class HttpReader::Client : public httplib::ClientImpl {
   }
 
   // The same, and once more after each pause while what is in the way may pass: connections that end before their
-  // answers do, and statuses.
+  // answers do, statuses, and a server that was there and is not, as one that is started anew.
   template <typename Fetch>
   httplib::Result askPatiently(const Fetch& fetch, const int& status) {
+    bool was_there = kept_;
     httplib::Result result = ask(fetch, status);
     for (const std::chrono::milliseconds pause : kPauses) {
       const bool cut = !result && result.error() == httplib::Error::Read && ended == StreamEnd::closed;
-      if (!cut && !isPassing(status)) break;
+      was_there = was_there || cut || status != 0;
+      const bool gone = !result && result.error() == httplib::Error::Connection && was_there;
+      if (!cut && !gone && !isPassing(status)) break;
       constexpr int kNoSocket = -1;
       waitFor(kNoSocket, 0, std::chrono::steady_clock::now() + pause, [this] { return stop.stop_requested(); });
       if (stop.stop_requested()) break;
@@ -207,7 +225,8 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     promised = parseWhole<std::uint64_t>(response.get_header_value("Content-Length")).value_or(0);
     too_long = status == 200 && promised > max_bytes;
     packing = response.get_header_value("Content-Encoding");
-    if (lowerCase(packing) == kPlain) packing.clear();
+    if (!isPacking(packing)) packing.clear();
+    answered_ = true;
     return status == 200 && packing.empty() && !too_long;
   };
   const auto take = [&](const char* data, std::size_t size) {
@@ -221,8 +240,8 @@ std::vector<std::uint8_t> HttpReader::read(const std::string& relative, std::uin
     status = 0;
     return client_->Get(path, {{"Accept-Encoding", kPlain}}, begin, take);
   };
+  answered_ = false;
   const httplib::Result result = client_->askPatiently(fetch, status);
-  answered_ = status != 0;
   if (stop.stop_requested()) throw ReadCancelled();
   if (status == 200 && !packing.empty()) {
     throw tg::Error(ErrorKind::cannotRead, name,

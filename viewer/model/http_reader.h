@@ -31,10 +31,11 @@ class HttpReader {
   ~HttpReader();
   HttpReader& operator=(HttpReader&&) = delete;
 
-  // The bytes of a file beside the address's own; "" is that one. Asked for up to three times in 1.5 s where the
-  // connection ends early or the status is 502, 503 or 504. Throws Error(cannotRead) for what does not come, is
-  // longer than that, packed or has another status than 200, and ReadCancelled when `stop` is asked for. `stamp`, where
-  // not null, becomes the file's.
+  // The bytes of a file beside the address's own; "" is that one. Asked for up to three times, with 1.5 s of
+  // pauses, where the connection ends early, the status is 502, 503 or 504 or a server that was there is not; besides,
+  // at once where a connection that was kept has ended. Throws Error(cannotRead) for what does not come, is longer than
+  // that, packed or has another status than 200, and ReadCancelled when `stop` is asked for. `stamp`, where not null,
+  // becomes the file's.
   std::vector<std::uint8_t> read(const std::string& relative, std::uint64_t max_bytes, const std::stop_token& stop,
                                  HttpStamp* stamp = nullptr);
   // Whether the last read() had any answer.

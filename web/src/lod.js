@@ -8,6 +8,7 @@ const LEVELS = 'TG_levels_of_detail', MEANS = 'TG_means';  // of this toolchain
 const MOST_LOD_META = 1 << 26;    // [bytes]
 const MOST_LEVELS = 16;
 const MOST_FILES = 1 << 16;
+const MOST_NAME = 1024;
 const MOST_LEAVES = 1 << 16;
 const MOST_COUNT = 2 ** 31;   // Gaussians of a level
 const NODES_AT_A_TIME = 256;  // between two looks at the clock
@@ -26,6 +27,16 @@ function expectThat(ok, where, words) {
 }
 
 const isCount = (value, least, most) => Number.isInteger(value) && value >= least && value <= most;
+
+const SIGNS = 'letters, digits, spaces, _ - . ( ) + and /';
+
+// A file's name as addresses have it, in one spelling; null for what the C++ library refuses (nameInside), too.
+function nameInside(name) {
+  const inside = name.replace(/^\.\//, '');
+  const plain = inside.length <= MOST_NAME &&
+    inside.split('/').every((part) => /^(?!\.)[\w\-. ()+\u{a0}-\u{d7ff}\u{e000}-\u{10ffff}]+$/u.test(part));
+  return plain ? inside : null;
+}
 
 // A box of the file's axes in those of models here, a half turn about z from them; floats, as the C++ library has them.
 function readBound(bound, where) {
@@ -71,10 +82,15 @@ export async function parseLodMeta(bytes) {
   expectThat(isCount(levels, 1, MOST_LEVELS), '/lodLevels', `${levels} (expected 1 to ${MOST_LEVELS})`);
   expectThat(Array.isArray(names) && names.length > 0 && names.length <= MOST_FILES &&
              names.every((name) => typeof name === 'string'), '/filenames', `expected 1 to ${MOST_FILES} names`);
-  const inFolder = (name) => name.replace(/^\.\//, '');
-  const firstOf = new Map(names.map((name, at) => [inFolder(name), at]).reverse());
-  const twice = names.findIndex((name, at) => firstOf.get(inFolder(name)) !== at);  // its Gaussians would count again
-  expectThat(twice < 0, `/filenames/${twice}`, 'names a file a second time');
+  const seen = new Set();  // a file's Gaussians would count again
+  for (const [at, name] of names.entries()) {
+    const inside = nameInside(name);
+    expectThat(inside !== null, `/filenames/${at}`,
+               `leaves the folder, or has other signs (expected ${SIGNS}, found ${JSON.stringify(name.slice(0, 80))})`);
+    expectThat(!seen.has(inside), `/filenames/${at}`,
+               `names a file a second time (expected each once, found ${JSON.stringify(inside)})`);
+    seen.add(inside);
+  }
   const scene = {files: names.map((name) => ({name, pieces: []})), leaves: [], pieces: [], levels, count: 0,
                  own: readOwn(meta[LEVELS])};
   const readPiece = (lod, level, where) => {

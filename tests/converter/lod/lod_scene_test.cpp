@@ -127,7 +127,7 @@ TEST_CASE("levels of detail: a hostile lod-meta.json is refused in words") {
   says(refusal([](Json& meta) { meta["filenames"][1] = "far/1_0.SOG"; }),
        "filenames/1: is a bundled SOG (expected the meta.json of one that is not, found \"far/1_0.SOG\")");
   says(refusal([](Json& meta) { meta["filenames"][2] = "./" + meta["filenames"][0].get<std::string>(); }),
-       "filenames/2: names a file a second time");
+       "filenames/2: names a file a second time (expected each once, found \"");
   says(refusal([](Json& meta) { meta["version"] = 2; }), "version");
   says(refusal([](Json& meta) { meta.erase("tree"); }), "tree");
   says(refusal([](Json& meta) { meta.erase("lodLevels"); }), "lodLevels");
