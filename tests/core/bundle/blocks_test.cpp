@@ -56,7 +56,10 @@ TEST_CASE("blocks survive their file, and a point lies in one of them", "[blocks
   const fs::path moved = folder / "moved";
   CHECK(tg::test::messageOf([&] { tg::wholeDataset(moved, *block); }, tg::ErrorKind::cannotRead) ==
         (moved / "block.json").string() + ": its data set ../scene is not there");
-  fs::create_directory(folder / "scene");
+  fs::create_directory(folder / "scene");  // as a share that is not mounted
+  CHECK_THAT(tg::test::messageOf([&] { tg::wholeDataset(moved, *block); }, tg::ErrorKind::cannotRead),
+             Contains((moved / "block.json").string() + ": its data set ../scene is an empty folder"));
+  fs::create_directory(folder / "scene/images");
   CHECK(tg::wholeDataset(moved, *block) == folder / "scene");
 }
 
