@@ -87,7 +87,7 @@ void describeContext(GlDevice& device, const GlOptions& options) {
   device.limits.device = text(GL_RENDERER);
   GLint64 storage = 0;
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &storage);
-  device.limits.storage_bytes = static_cast<std::uint32_t>(std::clamp<std::int64_t>(storage, 0, kMostStorageBytes));
+  device.limits.storage_bytes = wholeStorageBytes(storage);
   device.limits.texel_elements = static_cast<std::uint32_t>(integer(GL_MAX_TEXTURE_BUFFER_SIZE));
   device.limits.image_side = static_cast<std::uint32_t>(integer(GL_MAX_TEXTURE_SIZE));
   device.uniform_alignment = static_cast<std::uint32_t>(std::max(integer(GL_UNIFORM_BUFFER_OFFSET_ALIGNMENT), 1));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the passes need of an API: memory, copies, and the execution of a list of passes. Vulkan and OpenGL each do it.
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -36,6 +37,10 @@ using ImagePtr = std::unique_ptr<GpuImage>;
 
 // Of a storage buffer: the largest size in multiples of 16 that passes can count.
 constexpr std::uint32_t kMostStorageBytes = 0xFFFFFFF0u;
+// Of what a driver says that it binds: buffers are whole multiples of 16 bytes.
+constexpr std::uint32_t wholeStorageBytes(std::int64_t limit) {
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(limit, 0, kMostStorageBytes)) / 16 * 16;
+}
 
 struct GpuLimits {
   std::string device;                // its name, for messages

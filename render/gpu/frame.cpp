@@ -190,7 +190,9 @@ std::uint32_t listEntriesPerRound(const PassTuning& tuning) {
 }
 
 std::uint32_t maxPairCapacity(const GpuLimits& limits, const PassTuning& tuning) {
-  const auto most = std::min<std::uint32_t>(limits.storage_bytes / sizeof(std::uint32_t), limits.texel_elements);
+  constexpr std::uint32_t kPairsPerStep = 4;  // of a buffer's size
+  const auto most = std::min<std::uint32_t>(limits.storage_bytes / sizeof(std::uint32_t), limits.texel_elements) /
+                    kPairsPerStep * kPairsPerStep;
   if (!tuning.runs || !tuning.bounded_loops) return most;
   // A sort's thread walks over the digits and over its partition, whose size is a multiple of kPartitionStep.
   const std::uint32_t partition = (kLoopRounds - kDigitCount) / kPartitionStep * kPartitionStep;

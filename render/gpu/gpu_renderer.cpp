@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/gtc/matrix_access.hpp>
+#include <new>
 #include <type_traits>
 #include <utility>
 
@@ -85,7 +86,7 @@ void GpuRenderer::setModel(const GaussianModel& model) {
   splats_.emplace(*device_, model_->gaussian_count);
   const std::uint64_t wish = std::max<std::uint64_t>(kFirstPairCapacity, kFirstPairsPerGaussian * model.size());
   pair_room_ = static_cast<std::uint32_t>(std::min<std::uint64_t>(wish, maxPairCapacity(device_->limits(), tuning_)));
-  makePairs(pair_room_);
+  makeFirstPairs();
 }
 
 Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) {
@@ -95,6 +96,8 @@ Frame GpuRenderer::render(const Camera& camera, const RenderSettings& settings) 
   try {
     return renderWhole(camera, settings);
   } catch (const DoesNotFit&) {
+    if (!canBeCut(rows)) throw;
+  } catch (const std::bad_alloc&) {  // what a software driver calls its memory
     if (!canBeCut(rows)) throw;
   }
   return renderBands(camera, settings, halfOfRows(rows));
@@ -240,6 +243,16 @@ void GpuRenderer::growPairs(std::uint32_t pairs) {
   pair_room_ = pairs_->capacity;
 }
 
+// As many as pair_room_ says, or few, which a frame that has more makes grow or is cut for.
+void GpuRenderer::makeFirstPairs() {
+  try {
+    makePairs(pair_room_);
+  } catch (const DoesNotFit&) {
+    pair_room_ = std::min(pair_room_, kFirstPairCapacity);
+    makePairs(pair_room_);
+  }
+}
+
 void GpuRenderer::makePairs(std::uint32_t capacity) {
   program_.reset();
   pairs_.reset();  // the old ones make room for the new ones
@@ -297,7 +310,7 @@ FrameVariant GpuRenderer::variantOf(const RenderSettings& settings, FrameVariant
 GpuRenderer::Recording GpuRenderer::prepare(const Camera& camera, const RenderSettings& settings, FrameVariant variant,
                                             const OutputRange& beside) {
   fitImage(camera);
-  if (!pairs_) makePairs(pair_room_);
+  if (!pairs_) makeFirstPairs();
   ViewUniforms view = viewOf(camera, settings, *model_, *image_, beside);
   if (variant.shown == Output::texture) view.exposure = settings.gain;
   variant = variantOf(settings, variant);

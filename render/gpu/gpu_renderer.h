@@ -78,6 +78,7 @@ class GpuRenderer : public Renderer {
   bool frameFits() const;
 
  private:
+  void makeFirstPairs();
   void makePairs(std::uint32_t capacity);
   void growPairs(std::uint32_t pairs);
   std::string needs(std::uint32_t pairs) const;

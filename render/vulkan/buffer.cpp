@@ -34,11 +34,13 @@ VkMemoryPropertyFlags flagsOf(Memory memory) {
   return memory == Memory::readBack ? host | VK_MEMORY_PROPERTY_HOST_CACHED_BIT : host;
 }
 
-// Of making `name`, of so many bytes.
-void checkRoom(const VulkanDevice& device, VkResult result, const char* name, VkDeviceSize bytes) {
-  if (result != VK_ERROR_OUT_OF_DEVICE_MEMORY && result != VK_ERROR_OUT_OF_HOST_MEMORY) return;
-  throw DoesNotFit(ErrorKind::device, device.properties.deviceName,
-                   "no memory for " + std::string(name) + " (" + std::to_string(bytes >> 20) + " MiB)");
+// Of making `name`, of so many bytes, or a part of it.
+void checkMade(const VulkanDevice& device, VkResult result, const char* name, VkDeviceSize bytes) {
+  if (result == VK_ERROR_OUT_OF_DEVICE_MEMORY || result == VK_ERROR_OUT_OF_HOST_MEMORY) {
+    throw DoesNotFit(ErrorKind::device, device.properties.deviceName,
+                     "no memory for " + std::string(name) + " (" + std::to_string(bytes >> 20) + " MiB)");
+  }
+  checkVulkan(result, ("making " + std::string(name)).c_str());
 }
 
 VkDeviceMemory allocate(const VulkanDevice& device, const VkMemoryRequirements& needs, VkMemoryPropertyFlags flags,
@@ -47,9 +49,7 @@ VkDeviceMemory allocate(const VulkanDevice& device, const VkMemoryRequirements& 
   info.allocationSize = needs.size;
   info.memoryTypeIndex = findMemoryType(device, needs.memoryTypeBits, flags);
   VkDeviceMemory memory = VK_NULL_HANDLE;
-  const VkResult result = vkAllocateMemory(device.device, &info, nullptr, &memory);
-  checkRoom(device, result, name, needs.size);
-  TG_VK(result);
+  checkMade(device, vkAllocateMemory(device.device, &info, nullptr, &memory), name, needs.size);
   return memory;
 }
 
@@ -77,16 +77,14 @@ Buffer::Buffer(const VulkanDevice& device, const char* name, VkDeviceSize bytes,
                                          : VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
                                                VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
   try {
-    const VkResult made = vkCreateBuffer(device.device, &info, nullptr, &buffer_);
-    checkRoom(device, made, name, info.size);
-    TG_VK(made);
+    checkMade(device, vkCreateBuffer(device.device, &info, nullptr, &buffer_), name, info.size);
     VkMemoryRequirements needs;
     vkGetBufferMemoryRequirements(device.device, buffer_, &needs);
     memory_ = allocate(device, needs, flagsOf(memory), name);
-    TG_VK(vkBindBufferMemory(device.device, buffer_, memory_, 0));
+    checkMade(device, vkBindBufferMemory(device.device, buffer_, memory_, 0), name, info.size);
     if (memory != Memory::device) {
       void* mapped = nullptr;
-      TG_VK(vkMapMemory(device.device, memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
+      checkMade(device, vkMapMemory(device.device, memory_, 0, VK_WHOLE_SIZE, 0, &mapped), name, info.size);
       data_ = static_cast<std::byte*>(mapped);
     }
   } catch (...) {
@@ -119,7 +117,7 @@ VkBufferView Buffer::view(VkFormat format) const {
   info.format = format;
   info.range = std::min<VkDeviceSize>(allocatedBytes(size_) / element, most) * element;
   VkBufferView view = VK_NULL_HANDLE;
-  TG_VK(vkCreateBufferView(device_->device, &info, nullptr, &view));
+  checkMade(*device_, vkCreateBufferView(device_->device, &info, nullptr, &view), name_, size_);
   views_.emplace_back(format, view);
   return view;
 }
@@ -154,14 +152,16 @@ StorageImage::StorageImage(const VulkanDevice& device, std::uint32_t width, std:
   view.viewType = VK_IMAGE_VIEW_TYPE_2D;
   view.format = info.format;
   view.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+  const VkDeviceSize bytes = VkDeviceSize{4} * width * height;
+  const auto check = [&](VkResult result) { checkMade(device, result, "the picture", bytes); };
   try {
-    TG_VK(vkCreateImage(device_, &info, nullptr, &image_));
+    check(vkCreateImage(device_, &info, nullptr, &image_));
     VkMemoryRequirements needs;
     vkGetImageMemoryRequirements(device_, image_, &needs);
     memory_ = allocate(device, needs, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT, "the picture");
-    TG_VK(vkBindImageMemory(device_, image_, memory_, 0));
+    check(vkBindImageMemory(device_, image_, memory_, 0));
     view.image = image_;
-    TG_VK(vkCreateImageView(device_, &view, nullptr, &view_));
+    check(vkCreateImageView(device_, &view, nullptr, &view_));
   } catch (...) {
     vkDestroyImage(device_, image_, nullptr);
     vkFreeMemory(device_, memory_, nullptr);

@@ -292,7 +292,7 @@ std::vector<DeviceInfo> listVulkanDevices() {
 
 GpuLimits limitsOf(const VkPhysicalDeviceProperties& properties, bool storage_texels) {
   const VkPhysicalDeviceLimits& limits = properties.limits;
-  const std::uint32_t bytes = std::min(limits.maxStorageBufferRange, kMostStorageBytes);
+  const std::uint32_t bytes = wholeStorageBytes(limits.maxStorageBufferRange);
   const std::uint32_t texels = storage_texels ? bytes / kLargestTexel : limits.maxTexelBufferElements;
   return {properties.deviceName, bytes, texels, limits.maxImageDimension2D};
 }

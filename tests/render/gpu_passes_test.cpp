@@ -114,7 +114,7 @@ TEST_CASE("where loops are bounded, no more pairs are allowed than a thread of a
   const Work work = makeWork(most, most);
   CHECK(work.partition_items + kDigitCount <= 65535);
   CHECK(makeWork(most + kMaxPartitions, most + kMaxPartitions).partition_items + kDigitCount > 65535);
-  CHECK(maxPairCapacity(limits, {true, false, 4}) == (~0u) / 4);
+  CHECK(maxPairCapacity(limits, {true, false, 4}) == (~0u) / 16 * 4);
   CHECK(maxPairCapacity({"", 4000, 600, 16384}, {true, true, 4}) == 600);
 }
 

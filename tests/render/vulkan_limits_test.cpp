@@ -80,14 +80,19 @@ TEST_CASE("a device whose queues compute and draw no triangles renders, one whos
   CHECK_THROWS_WITH(createVulkanDevice({}), Contains("lacks a compute queue"));
 }
 
-TEST_CASE("a device that binds all that 32 bits count is given buffers of whole multiples of 16 bytes") {
+TEST_CASE("buffers, which are whole multiples of 16 bytes, are no larger than what a device binds") {
   VkPhysicalDeviceProperties properties{};
-  properties.limits.maxStorageBufferRange = properties.limits.maxTexelBufferElements = ~0u;
-  for (const bool storage_texels : {false, true}) {
-    const GpuLimits limits = limitsOf(properties, storage_texels);
-    CHECK(limits.storage_bytes == 0xFFFFFFF0u);
-    CHECK(bufferBytes(std::uint64_t{4} * maxPairCapacity(limits, {})) <= 0xFFFFFFF0u);
+  for (const std::uint32_t most : {~0u, 0x7FFFFFFFu, 0x10000001u}) {
+    properties.limits.maxStorageBufferRange = properties.limits.maxTexelBufferElements = most;
+    for (const bool storage_texels : {false, true}) {
+      const GpuLimits limits = limitsOf(properties, storage_texels);
+      CHECK(limits.storage_bytes == most / 16 * 16);
+      CHECK(bufferBytes(std::uint64_t{4} * maxPairCapacity(limits, {})) <= most);
+    }
   }
+  properties.limits.maxTexelBufferElements = 70001;
+  const GpuLimits texels = limitsOf(properties, false);
+  CHECK(bufferBytes(std::uint64_t{4} * maxPairCapacity(texels, {})) / 4 <= 70001);
 }
 
 TEST_CASE("with Vulkan's least texel buffers a model of many times their size is drawn, to the same pixels",
