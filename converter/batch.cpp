@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "converter/registry/file_format.h"
+#include "core/file/file.h"
 #include "core/file/json.h"
 #include "core/system/error.h"
 #include "core/system/lower_case.h"
@@ -63,7 +64,7 @@ std::vector<BatchItem> itemsOf(const std::vector<std::filesystem::path>& models,
     BatchItem& item = items.emplace_back();
     item.input = model;
     item.output = output / (apart ? longer : stemOf(model) + "." + extension);
-    if (!outputs.insert(item.output).second) {
+    if (!outputs.insert(placeOfOutput(item.output)).second) {
       throw Error(ErrorKind::usage, model.string() + ": two models would become " + item.output.string());
     }
   }

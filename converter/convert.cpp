@@ -124,6 +124,7 @@ void writePageBeside(const std::filesystem::path& input, const std::filesystem::
   const std::optional<ScratchFolder> folder =
       report.dry_run ? std::optional<ScratchFolder>(std::in_place) : std::nullopt;
   const std::filesystem::path file = folder ? folder->path() / output.filename() : output;
+  requireSameFolder(output, "the scene's address is as seen from there");
   writeStreamingHtml(file, addressFrom(output, input));
   report.output_bytes = std::filesystem::file_size(file);
 }
@@ -146,7 +147,7 @@ void warnOfLeft(const std::vector<std::string>& names, const std::filesystem::pa
   for (const std::string& name : names) {
     std::error_code ignored;
     const bool there = std::filesystem::is_regular_file(output.parent_path() / name, ignored);
-    if (!there || std::ranges::binary_search(own, name)) continue;
+    if (!there || name == output.filename() || std::ranges::binary_search(own, name)) continue;
     warnings.push_back(name + " stays beside " + output.filename().string() + ", which referred to it before");
   }
 }

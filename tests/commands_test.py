@@ -149,7 +149,7 @@ def check_docs(known):
 
 def check_scripts():
     """What a script is for is told without beginning it."""
-    for script in sorted((pathlib.Path(__file__).resolve().parents[1] / "scripts").glob("*.sh")):
+    for script in sorted((pathlib.Path(__file__).resolve().parents[1] / "scripts").rglob("*.sh")):
         with tempfile.TemporaryDirectory() as folder:
             result = run(script, "--help", cwd=folder, env={"PATH": "/usr/bin:/bin", "HOME": folder})
         heading = re.search(r"^#!.*\n# (.*)$", script.read_text(), re.M)[1]
@@ -169,7 +169,7 @@ def main():
         for command in commands:
             texts[f"{program.name} {command}"], own = check_help(program, [command])
             known[program.name][command] = own - {"--completion", "--man"}  # of the program
-            for asked in ("--man", "--completion=bash"):
+            for asked in ("--man", "--man=1", "--completion=bash"):
                 result = run(program, command, asked)
                 check(result.returncode == 1 and "--completion and --man stand alone" in result.stderr,
                       f"{program.name} {command} {asked}: {result.stderr}")

@@ -177,8 +177,8 @@ int run(const CLI::App& app, const tg::EvalOptions& options, const std::vector<s
   if (groups.front().dataset.empty() && !options.effective_rank && options.report.empty()) {
     throw tg::Error(tg::ErrorKind::usage, "expected a model and a data set (see --help)");
   }
-  if (!options.images.empty() &&
-      (fs::path(options.images) / "").lexically_normal() == (fs::path(options.side_by_side) / "").lexically_normal()) {
+  if (!options.images.empty() && !options.side_by_side.empty() &&
+      tg::placeOfOutput(options.images) == tg::placeOfOutput(options.side_by_side)) {
     throw tg::Error(tg::ErrorKind::usage, options.images, "is named for two outputs (expected different folders)");
   }
   refuseIdleFlags(app, options, groups);

@@ -35,29 +35,29 @@ void disown(const RunFolder& run, const fs::path& file) {
 
 void checkOutputs(const TrainFlags& options, bool resumes) {
   const std::vector<std::string> paths = {options.output, options.untextured_output, options.json};
-  const auto placeOf = [](const fs::path& path) {
-    std::error_code ignored;
-    const fs::path absolute = fs::absolute(path), place = fs::weakly_canonical(absolute, ignored);
-    return place.empty() ? absolute.lexically_normal() : place;
-  };
-  const auto outputPlaceOf = [&](const fs::path& path) { return placeOf(endOfLinks(path)); };  // there or not
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
     if (path.empty() || (&path == &paths.back() && path == kStandardOutput)) continue;
     const Format* format = &path == &paths.back() ? nullptr : &modelFormat(path);
     for (std::size_t j = 0; j < i; ++j) {
-      if (!paths[j].empty() && outputPlaceOf(path) == outputPlaceOf(paths[j])) {
+      if (!paths[j].empty() && placeOfOutput(path) == placeOfOutput(paths[j])) {
         throw Error(ErrorKind::usage, path, "is named for two outputs (expected different files)");
       }
     }
+    for (const std::string& other : paths) {
+      if (!format || other.empty() || &other == &path || !writesToo(*format, path, other)) continue;
+      throw Error(ErrorKind::usage, other, "is written beside " + path + ", too (expected another name)");
+    }
     const fs::path& run = options.run.folder;
+    std::error_code unknown;
     for (const std::string& input : {options.start_model, options.context}) {  // which --resume would read again
-      if (run.empty() || input.empty() || outputPlaceOf(path) != placeOf(input)) continue;
+      if (run.empty() || input.empty() || placeOfOutput(path) != fs::weakly_canonical(fs::absolute(input), unknown))
+        continue;
       throw Error(ErrorKind::usage, path, "is what training starts from (expected another name with a run folder)");
     }
     for (const char* own :
          {"model.tgz", "checkpoint", "metrics.jsonl", "outputs.json", "live.tgz", "live.json", "control", "previews"}) {
-      if (run.empty() || outputPlaceOf(path) != outputPlaceOf(run / own)) continue;
+      if (run.empty() || placeOfOutput(path) != placeOfOutput(run / own)) continue;
       throw Error(ErrorKind::usage, path, "is written in any case, by the run folder (expected another name)");
     }
     if (format) {
@@ -70,7 +70,13 @@ void checkOutputs(const TrainFlags& options, bool resumes) {
       throw Error(ErrorKind::cannotWrite, path,
                   "has changed since this run wrote it (add --overwrite to replace it, or name another output)");
     }
-    refuseExisting(path, options.overwrite || ownership == Ownership::own);
+    const bool replaces = options.overwrite || ownership == Ownership::own;
+    refuseExisting(path, replaces);
+    if (!format) continue;
+    for (const fs::directory_entry& entry : fs::directory_iterator(placeOfOutput(path).parent_path(), unknown)) {
+      const fs::path beside = fs::path(path).parent_path() / entry.path().filename();
+      if (writesToo(*format, path, beside)) refuseExisting(beside.string(), replaces);
+    }
   }
 }
 

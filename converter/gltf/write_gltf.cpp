@@ -590,6 +590,12 @@ GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& conten
   return writeAs(path, content, true);
 }
 
+bool isBesideGltf(const std::filesystem::path& gltf, const std::filesystem::path& other) {
+  const std::string name = other.filename().string(), stem = gltf.stem().string(), atlas = stem + "_atlas_";
+  const bool numbered = name.size() > atlas.size() && name[atlas.size()] >= '0' && name[atlas.size()] <= '9';
+  return name == stem + ".bin" || (name.starts_with(atlas) && numbered);
+}
+
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content) {
   return writeAs(path, content, false);
 }

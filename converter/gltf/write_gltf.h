@@ -77,6 +77,8 @@ struct GltfReport {
 // meshopt). Throws Error(badData) for a model beyond GLB's 4 GiB or the atlas's limits, Error(cannotWrite),
 // Error(usage) for meshopt without the library.
 GltfReport writeGlb(const std::filesystem::path& path, const GltfContent& content);
+// Whether `other` may be one of the files beside NAME.gltf: NAME.bin or NAME_atlas_N*.
+bool isBesideGltf(const std::filesystem::path& gltf, const std::filesystem::path& other);
 // The same as NAME.gltf with NAME.bin and NAME_atlas_* beside it.
 GltfReport writeGltf(const std::filesystem::path& path, const GltfContent& content);
 // The textures alone, for programs that know neither glTF nor the bundle: NAME.png and NAME_alpha.png as far as the

@@ -362,6 +362,7 @@ constexpr Format kFormats[] = {
      .write = writeGltfScene<writeGltf>,
      .check = checkGltf,
      .beside = bytesBesideGltf,
+     .writes_too = isBesideGltf,
      .axes = kGltfAxes,
      .is_gltf = true,
      .has_base = true,
@@ -478,15 +479,29 @@ void requireWritable(const Format& format, const Path& path) {
   requireOneFolder(format, path);
 }
 
-void requireOneFolder(const Format& format, const Path& path) {
-  if (!format.beside && !format.writes_beside) return;
+bool writesToo(const Format& format, const Path& path, const Path& other) {
+  if (!format.writes_too) return false;
+  const Path place = placeOfOutput(path), other_place = placeOfOutput(other);
+  return place.parent_path() == other_place.parent_path() && format.writes_too(path, other_place);
+}
+
+void requireSameFolder(const Path& path, const std::string& why) {
   const Path place = endOfLinks(path);
   const auto folderOf = [](const Path& file) { return file.has_parent_path() ? file.parent_path() : Path("."); };
   std::error_code ignored;
   if (place == path || std::filesystem::equivalent(folderOf(path), folderOf(place), ignored)) return;
+  throw Error(ErrorKind::cannotWrite, path.string(),
+              "is a symbolic link into another folder, and " + why + " (expected " + place.string() + ")");
+}
+
+void requireOneFolder(const Format& format, const Path& path) {
+  if (!format.beside && !format.writes_beside) return;
+  requireSameFolder(path, "its other files lie beside it");
+  const Path place = endOfLinks(path);
+  if (format.beside || place.filename() == path.filename()) return;
   throw Error(
       ErrorKind::cannotWrite, path.string(),
-      "is a symbolic link into another folder, and its other files lie beside it (expected " + place.string() + ")");
+      "is a symbolic link to another name, by which its other files are called (expected " + place.string() + ")");
 }
 
 void requireStorable(const Format& format, const Path& path, const std::vector<Camera>& cameras) {

@@ -69,6 +69,8 @@ struct Format {
   Overlooked (*overlooked)(const std::filesystem::path& path) = nullptr;
   // Bytes of the files that one names beside it; 0 of what is not there. Null: it is one file.
   std::uint64_t (*beside)(const std::filesystem::path& path) = nullptr;
+  // Whether writing `path` may write `other`, in the same folder, too. Null: it does not, or makes a folder of its own.
+  bool (*writes_too)(const std::filesystem::path& path, const std::filesystem::path& other) = nullptr;
   FileAxes axes = kModelAxes;
   bool is_gltf = false;     // or around it
   // A file of a folder is none by its name: any page is an .html, and a tileset's content lies there itself.
@@ -116,6 +118,10 @@ std::uint64_t storedBytes(const Format& format, const std::filesystem::path& pat
 // its own makes it.
 void requireWritable(const Format& format, const std::filesystem::path& path);
 
+// Throws Error(cannotWrite) for a symbolic link into another folder; `why` that must not be.
+void requireSameFolder(const std::filesystem::path& path, const std::string& why);
+// Whether the file of that format at `path` comes with `other`. Throws Error(cannotWrite) as endOfLinks().
+bool writesToo(const Format& format, const std::filesystem::path& path, const std::filesystem::path& other);
 // Throws Error(cannotWrite) for a symbolic link into another folder, if the format writes files beside `path`: they
 // would lie beside the link, and be missed, or be older ones, where it leads.
 void requireOneFolder(const Format& format, const std::filesystem::path& path);

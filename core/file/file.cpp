@@ -114,6 +114,14 @@ std::filesystem::path endOfLinks(const std::filesystem::path& path) {
   }
 }
 
+std::filesystem::path placeOfOutput(const std::filesystem::path& path) {
+  const std::filesystem::path end = endOfLinks(path.has_filename() ? path : path.parent_path());
+  std::error_code unknown;
+  const std::filesystem::path absolute = std::filesystem::absolute(end, unknown),
+                              place = std::filesystem::weakly_canonical(absolute, unknown);
+  return place.empty() ? absolute.lexically_normal() : place;
+}
+
 std::vector<std::uint8_t> readFile(const std::filesystem::path& path, std::uint64_t max_bytes) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0) throw Error(ErrorKind::cannotRead, path.string(), "cannot open: " + systemReason());

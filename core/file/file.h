@@ -80,6 +80,10 @@ class FileWriter {
 // user's in a folder like /tmp is followed: it would lead to any file of ours. Throws Error(cannotWrite).
 std::filesystem::path endOfLinks(const std::filesystem::path& path);
 
+// The same, absolute and without links in its folders: equal for all names of one output, there or not. A folder's may
+// end with a slash. Throws Error(cannotWrite).
+std::filesystem::path placeOfOutput(const std::filesystem::path& path);
+
 // Throws what writeFileAtomically would throw for a place that cannot be written: for use before hours of work.
 void requireWritable(const std::filesystem::path& path);
 

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -111,7 +112,9 @@ bool failedForCompany(const CLI::ParseError& error, std::span<char*> arguments) 
   if (code != CLI::ExitCodes::ExtrasError && code != CLI::ExitCodes::RequiredError) return false;
   const auto end = std::ranges::find(arguments, std::string_view("--"));
   return std::any_of(arguments.begin(), end, [](const std::string_view word) {
-    return word == "--man" || word == "--completion" || word.starts_with("--completion=");
+    return std::ranges::any_of(std::array{"--man", "--completion"}, [&](std::string_view flag) {
+      return word.starts_with(flag) && (word.size() == flag.size() || word[flag.size()] == '=');
+    });
   });
 }
 

@@ -5,6 +5,10 @@
 #
 # 16 workers, four a node, each with THREADS threads (2). What follows the number is for mpirun.
 set -eu
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 if [ $# -lt 3 ]; then
   echo "usage: mpi.sh JOBS.jsonl FOLDER WORKERS [ARGUMENTS OF mpirun...]" >&2
   exit 1

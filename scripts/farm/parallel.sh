@@ -6,6 +6,10 @@
 # SHARE: where the share is mounted. Paths must mean the same everywhere, and tgtrain must be on the PATH of a shell
 # without a terminal.
 set -eu
+if [ "${1:-}" = --help ] || [ "${1:-}" = -h ]; then
+  sed -n '2,/^[^#]/s/^# //p' "$0"
+  exit
+fi
 if [ $# -lt 3 ]; then
   echo "usage: parallel.sh JOBS.jsonl FOLDER MACHINE..." >&2
   exit 1

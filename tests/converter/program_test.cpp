@@ -473,6 +473,11 @@ TEST_CASE("two models of a folder that differ by their format's name alone are t
   const Result one = tgconvert(scratch, "in plain --to ply");  // a.compressed.ply is no PLY
   CHECK(one.code == 1);
   CHECK(one.err.find("a.ply: two models would become plain/a.ply") != std::string::npos);
+  std::filesystem::remove(scratch.folder() / "out" / "a.splat");
+  std::filesystem::create_symlink("a.compressed.splat", scratch.folder() / "out" / "a.splat");
+  const Result linked = tgconvert(scratch, "in out --to splat --overwrite");
+  CHECK(linked.code == 1);
+  CHECK(linked.err.find("a.ply: two models would become out/a.splat") != std::string::npos);
 }
 
 TEST_CASE("a model of a folder that does not fit into memory is no broken file") {
@@ -704,6 +709,12 @@ TEST_CASE("a link into another folder is no name for what is written as several 
     CHECK(countIn("far") == far);
     CHECK(countIn("near") == near);
   }
+  // A .gltf names its files, those of a .png are found by its name.
+  fs::create_symlink("d.png", scratch.folder() / "link.png");
+  const Result other_name = tgconvert(scratch, "in.tgz link.png");
+  CHECK(other_name.code == 4);
+  CHECK(other_name.err.find("link.png: is a symbolic link to another name, by which its other files are called") !=
+        std::string::npos);
   fs::create_symlink("d.gltf", scratch.folder() / "link.gltf");
   CHECK(tgconvert(scratch, "in.tgz link.gltf").code == 0);
   CHECK(tgconvert(scratch, "check d.gltf").code == 0);

@@ -73,6 +73,8 @@ TEST_CASE("tgeval writes numbers, pictures and comparisons", "[programs]") {
   CHECK(kept.code == 4);
   CHECK_THAT(kept.output, Contains("both/r_0.png: exists already"));
   CHECK(tgeval(folder, "model.ply scene --side-by-side both --images both/").code == 1);
+  std::filesystem::create_directory_symlink("both", folder / "link");
+  CHECK(tgeval(folder, "model.ply scene --side-by-side both --images link").code == 1);
   CHECK(tgeval(folder, "model.ply scene --background random").code == 1);
   CHECK(tgeval(folder, "model.ply scene --lpips model.ply").code == 3);
   CHECK(tgeval(folder, "model.ply scene --lpips absent").code == 2);

@@ -157,16 +157,21 @@ TEST_CASE("models are written in the output's format, scored and trained on in a
 TEST_CASE("what cannot be written as it was asked for after training is kept as a bundle", "[programs]") {
   const tg::TemporaryFolder folder;
   REQUIRE(tgtrain(folder, kSample).code == 0);
-  std::ofstream(folder / "scene.bin") << "somebody's";
-  for (const int number : {1, 2}) {
-    const Outcome refused = tgtrain(folder, "scene -o scene.gltf" + kShort);
+  // Somebody's file comes while it trains: one that is there before is refused then.
+  const auto disturbed = [&](const std::string& flags) {
+    fs::remove(folder / "scene.bin");
+    return run(folder, "'" TG_TGTRAIN "' scene -o scene.gltf --iterations 10000000 --texture-iterations 0 " + flags +
+                           " & while kill -0 $! && ! grep -q 'plain 1/' log.txt; do sleep 0.05; done; "
+                           "echo mine > scene.bin; kill $!; wait $!");
+  };
+  for (const std::string kept : {"scene.gltf.tgz", "scene.gltf-2.tgz"}) {
+    const Outcome refused = disturbed("");
     INFO(refused.output);
-    const std::string kept = number == 1 ? "scene.gltf.tgz" : "scene.gltf-2.tgz";
     CHECK(refused.code == 4);
     CHECK_THAT(refused.output, Contains("scene.bin: exists already") && Contains("the model is kept as " + kept));
     CHECK(tgeval(folder, kept + " scene").code == 0);
   }
-  CHECK(tgtrain(folder, "scene --run run -o scene.gltf" + kShort).code == 4);
+  CHECK(disturbed("--run run").code == 4);
   CHECK_FALSE(fs::exists(folder / "scene.gltf-3.tgz"));  // the run folder has it
   // Training for a file writes it on the way.
   const std::string coarse = "scene --gaussians 10 --quantize-iterations 5 --steps 4" + kShort;
@@ -499,6 +504,7 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
   fs::create_symlink("m.tgz", folder / "link.tgz");  // to nothing yet
   fs::create_symlink("run/model.tgz", folder / "own.tgz");
   fs::create_symlink("scene/m.gltf", folder / "link.gltf");
+  std::ofstream(folder / "scene/old.bin") << "of an earlier one";
   for (const auto& [outputs, code, message] : std::initializer_list<std::tuple<std::string, int, std::string>>{
            {"-o missing/m.tgz", 4, "missing/m.tgz: cannot write here"},
            {"-o m.tgz --json missing/m.json", 4, "missing/m.json: cannot write here"},
@@ -512,6 +518,9 @@ TEST_CASE("what cannot be written is refused before training", "[programs]") {
            {"-o m.tgz --json ./m.tgz", 1, "is named for two outputs"},
            {"-o m.tgz --json ../" + folder.path.filename().string() + "/m.tgz", 1, "is named for two outputs"},
            {"-o m.tgz --untextured-output link.tgz", 1, "link.tgz: is named for two outputs"},
+           {"-o m.gltf --json m.bin", 1, "m.bin: is written beside m.gltf, too (expected another name)"},
+           {"-o m.tgz --untextured-output m.gltf --json ./m_atlas_0_color.png", 1, "is written beside m.gltf, too"},
+           {"-o scene/old.gltf", 4, "scene/old.bin: exists already"},
            {"-o own.tgz --run run", 1, "own.tgz: is written in any case, by the run folder"},
            {"-o link.gltf", 4, "link.gltf: is a symbolic link into another folder"},
            {"-o m.tgz --preview-every 5", 1, "--preview-every expects a run folder (--run FOLDER)"},

@@ -67,6 +67,9 @@ TEST_CASE("a scene with levels becomes a page that streams it, an edited one a p
         "the page holds no model: it streams lod-meta.json from the server that both lie on");
   CHECK(addressIn(page) == "lod-meta.json");
   CHECK_THROWS_AS(convert(meta, page), Error);  // it exists
+  const std::filesystem::path link = scratch.folder() / "page.html";
+  std::filesystem::create_symlink("out/page.html", link);
+  CHECK_THROWS_WITH(convert(meta, link, {.overwrite = true}), Contains("is a symbolic link into another folder"));
 
   const ConvertReport whole = convert(meta, page, {.overwrite = true, .measure = Measure::never, .steps = 1.0f});
   CHECK(whole.output_bytes > report.output_bytes);
