@@ -27,7 +27,6 @@ namespace {
 constexpr std::uint64_t kHeaderBytes = 64 << 10;  // of an answer, at most
 constexpr std::uint64_t kLineBytes = 8 << 10;     // of it; the library matches the first by recursion, a level a byte
 constexpr std::chrono::seconds kKeptConnectionEnds{1};  // what takes longer is a server that says nothing
-constexpr std::chrono::milliseconds kPauses[] = {std::chrono::milliseconds(500), std::chrono::milliseconds(1000)};
 constexpr std::string_view kScheme = "http://";
 constexpr const char* kPlain = "identity";  // the encoding that is none
 
@@ -87,8 +86,8 @@ bool sameEdition(const HttpStamp& a, const HttpStamp& b) {
 
 class HttpReader::Client : public httplib::ClientImpl {
  public:
-  Client(const std::string& host, int port, int stall_seconds)
-      : httplib::ClientImpl(host, port), stall_seconds_(stall_seconds) {
+  Client(const std::string& host, int port, int stall_seconds, std::chrono::milliseconds pause)
+      : httplib::ClientImpl(host, port), stall_seconds_(stall_seconds), pause_(pause) {
     set_keep_alive(true);
     set_decompress(false);
   }
@@ -117,7 +116,7 @@ class HttpReader::Client : public httplib::ClientImpl {
   httplib::Result askPatiently(const Fetch& fetch, const int& status) {
     bool was_there = kept_;
     httplib::Result result = ask(fetch, status);
-    for (const std::chrono::milliseconds pause : kPauses) {
+    for (const std::chrono::milliseconds pause : {pause_, 2 * pause_}) {
       const bool cut = !result && result.error() == httplib::Error::Read && ended == StreamEnd::closed;
       was_there = was_there || cut || status != 0;
       const bool gone = !result && result.error() == httplib::Error::Connection && was_there;
@@ -176,10 +175,12 @@ class HttpReader::Client : public httplib::ClientImpl {
   }
 
   const int stall_seconds_;
+  const std::chrono::milliseconds pause_;
   bool kept_ = false;  // the last answer was whole, its connection may be kept
 };
 
-HttpReader::HttpReader(const std::string& address, int stall_seconds) : stall_seconds_(stall_seconds) {
+HttpReader::HttpReader(const std::string& address, int stall_seconds, std::chrono::milliseconds pause)
+    : stall_seconds_(stall_seconds) {
   if (!address.starts_with(kScheme)) refuse(address, address);
   const std::size_t slash = address.find('/', kScheme.size());
   if (slash == std::string::npos || slash == kScheme.size()) refuse(address, "no path");
@@ -204,7 +205,7 @@ HttpReader::HttpReader(const std::string& address, int stall_seconds) : stall_se
   const std::size_t last = path.rfind('/');
   folder_ = path.substr(0, last + 1);
   file_ = path.substr(last + 1);
-  client_ = std::make_unique<Client>(host, port, stall_seconds);
+  client_ = std::make_unique<Client>(host, port, stall_seconds, pause);
 }
 
 HttpReader::~HttpReader() = default;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of an HTTP server, read whole: bounded in bytes and time.
 #pragma once
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -13,6 +14,7 @@ namespace tg {
 constexpr int kConnectSeconds = 10;
 constexpr int kFetchStallSeconds = 20;  // without a byte received
 constexpr int kFetchSeconds = 600;      // of a whole file
+constexpr std::chrono::milliseconds kFetchPause(500);
 
 // What a server says of a file's edition; "": nothing.
 struct HttpStamp {
@@ -26,8 +28,9 @@ bool sameEdition(const HttpStamp& a, const HttpStamp& b);
 class HttpReader {
  public:
   // `address`: "http://HOST[:PORT]/FOLDER/FILE". Throws Error(usage) for any other, also for https. stall_seconds: how
-  // long no byte may come.
-  explicit HttpReader(const std::string& address, int stall_seconds = kFetchStallSeconds);
+  // long no byte may come. pause: before a file is asked for a second time; twice as long before the third.
+  explicit HttpReader(const std::string& address, int stall_seconds = kFetchStallSeconds,
+                      std::chrono::milliseconds pause = kFetchPause);
   ~HttpReader();
   HttpReader& operator=(HttpReader&&) = delete;
 
