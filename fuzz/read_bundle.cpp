@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any tar is a bundle or an Error. The input is the tar itself: a fuzzer cannot guess gzip's checksum, nor SHA-256, so
 // half of the inputs are wrapped with a manifest that fits their entries.
-#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "core/bundle/bundle.h"
+#include "core/file/scratch_folder.h"
 #include "core/file/sha256.h"
 #include "core/system/error.h"
 
@@ -83,8 +83,8 @@ Bytes tarOfBlocks(const std::uint8_t* data, std::size_t size) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const std::filesystem::path file =
-      std::filesystem::temp_directory_path() / ("tg-fuzz-" + std::to_string(::getpid()) + ".tgz");
+  static const tg::ScratchFolder folder;
+  const std::filesystem::path file = folder.path() / "fuzz.tgz";
   const bool blocks = size > 0 && data[0] == 'B';
   const Bytes packed = gzip(blocks ? tarOfBlocks(data + 1, size - 1) : Bytes(data, data + size));
   std::ofstream(file, std::ios::binary)

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any bytes are a checkpoint or an Error; what was read survives being written. Checksums are made right first, so that
 // what lies behind them is reached.
-#include <unistd.h>
 #include <zlib.h>
 
 #include <cstdlib>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "core/file/file.h"
+#include "core/file/scratch_folder.h"
 #include "core/system/error.h"
 #include "training/run/checkpoint.h"
 
@@ -40,12 +40,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   try {
     const std::vector<std::uint8_t> bytes = withChecksums(data, size);
     const tg::Checkpoint checkpoint = tg::parseCheckpoint(bytes, "fuzz");
-    const std::filesystem::path file =
-        std::filesystem::temp_directory_path() / ("tg-fuzz-checkpoint-" + std::to_string(::getpid()));
+    static const tg::ScratchFolder folder;
+    const std::filesystem::path file = folder.path() / "checkpoint";
     tg::writeCheckpoint(file, checkpoint.header, checkpoint.state);
-    const bool same = tg::readFile(file, size) == bytes;
-    std::filesystem::remove(file);
-    if (!same) std::abort();
+    if (tg::readFile(file, size) != bytes) std::abort();
   } catch (const tg::Error&) {
   }
   return 0;

@@ -368,7 +368,7 @@ TEST_CASE("a full disk ends a worker, and with room again the next goes on", "[f
   TG_SKIP_IF(missingMount(folder));
   const std::string mount = mountOf("96k");
   const Outcome outcome =
-      run(folder, "unshare -rm sh -c '" + mount +
+      run(folder, "TMPDIR=\"$PWD\" unshare -rm sh -c '" + mount +
                       " && \"" TG_TGTRAIN
                       "\" farm jobs.jsonl --out disk/farm; code=$?; cat disk/farm/jobs/job0/0001/end.json; "
                       "mount -o remount,size=32m disk && \"" TG_TGTRAIN
