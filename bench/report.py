@@ -125,8 +125,9 @@ def shares(trials):
                          shown(none, metrics), *(shown(s, metrics) + mark for s in (more, rgba)),
                          *(shown(gains[scene, share], write=signed) for gains in (over_stage_1, over_twin))])
     found = [scene for scene in COMPARED if scene != OWN_SCENE]
+    mixed = f" {OLDER}" if any(row[0].endswith(OLDER_MARK) for row in rows) else ""
     yield Text(f"PSNR / SSIM that RGBA gains, means of {', '.join(COMPARED)}; the paper's gains are over stage 1. That is "
-               f"the one that a cell began with, which may have been trained again since. {OTHER_START} {OLDER}")
+               f"the one that a cell began with, which may have been trained again since. {OTHER_START}{mixed}")
     yield Table(["share", "over stage 1", "over the twin", f"over stage 1, {' and '.join(found)} alone",
                  *(f"paper, {name}" for name in paper.SHARES)],
                 [[f"{share} %", *(shown(mean([gains[scene, share] for scene in scenes]), write=signed)
@@ -172,6 +173,7 @@ def default_sizes(trials):
 
 
 OTHER_START = f"(*): began with another stage 1 than the row's, by more than {TIE} dB."
+OLDER_MARK = " (o)"
 OLDER = ("(o): stage 1 is of an older recipe, which removed no wide Gaussians (--wide-sigma) and took the "
          "scene's extent otherwise (--extent-distances).")
 
@@ -179,7 +181,7 @@ OLDER = ("(o): stage 1 is of an older recipe, which removed no wide Gaussians (-
 def older(report):
     """The mark of a cell whose stage 1 knew no --wide-sigma and no --extent-distances."""
     settings = at(report, "training", "settings")
-    return " (o)" if settings and "extent-distances" not in settings else ""
+    return OLDER_MARK if settings and "extent-distances" not in settings else ""
 
 
 def other_start(report, stage_1):
